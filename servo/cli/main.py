@@ -560,6 +560,43 @@ def identify() -> None:
 
 
 @app.command()
+@click.argument("log", required=False, type=opt.PATH, help=opt.TWIN_LOG)
+@click.argument("video", required=False, type=opt.SOURCE, help=opt.TWIN_VIDEO)
+@click.option(
+    "--wiggle",
+    type=opt.PATH,
+    metavar="FILE.csv",
+    help="Write the motion to play and record, in place of a comparison; with --scenario as rates "
+    "of its robot's joints.",
+)
+@opt.twin_options
+@opt.out_option("runs/preflight-LOG")
+def preflight() -> None:
+    """Compare a robot's log with its camera's film; exit 1 if something is wrong.
+
+    Prints clock offset, mount of the camera, and what is wrong with what to change.
+    """
+
+
+@app.command()
+@click.argument("log", type=opt.PATH, help=opt.TWIN_LOG)
+@click.argument("video", type=opt.SOURCE, help=opt.TWIN_VIDEO)
+@click.option(
+    "--on",
+    "base",
+    type=opt.SCENARIO,
+    help="The scenario to begin with (default: --scenario, or line).",
+)
+@opt.twin_options
+@opt.out_option("runs/twin-LOG")
+def twin() -> None:
+    """Simulate a robot as its log and its film have it.
+
+    Does as preflight, then estimates delay, lag and play, and draws each picture again.
+    """
+
+
+@app.command()
 @click.argument("pictures", nargs=-1, type=opt.PATH, help="Photographs of a plane with the sheet.")
 @click.option(
     "--out", type=opt.PATH, default=Path("ground.png"), show_default=True, help="PNG to write."

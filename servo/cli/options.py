@@ -178,6 +178,58 @@ def output_options(command: Function) -> Function:
     return command
 
 
+TWIN_LOG = (
+    "The hand's poses, twists or joints and the commands over time: .csv, .parquet, .mcap, or the "
+    "folder of a run."
+)
+TWIN_VIDEO = "What its camera saw meanwhile: a video, a folder of pictures, or a bag."
+TWIN = (
+    click.option(
+        "--scenario", type=SCENARIO, help="The scenario whose robot has the log's joints."
+    ),
+    click.option("--calibration", type=PATH, help="Calibration of the camera (ROS or OpenCV)."),
+    click.option(
+        "--fov",
+        type=FiniteRange(1.0, 170.0),
+        help="Its horizontal field of view [deg], if that is known (default: 60, not trusted).",
+    ),
+    click.option(
+        "--along",
+        type=FiniteRange(-10.0, 10.0),
+        help="Distance of the camera from the hand's origin along its optical axis, if that is "
+        "known and the focal length is not [m].",
+    ),
+    click.option(
+        "--mount",
+        type=Numbers(6),
+        metavar="X,Y,Z,ROLL,PITCH,YAW",
+        help="Where the camera should be in the hand, to be checked [m, deg].",
+    ),
+    click.option(
+        "--rate",
+        type=FiniteRange(0.01, 10_000.0),
+        default=30.0,
+        show_default=True,
+        help="Pictures a second of a folder [Hz].",
+    ),
+    click.option("--topic", help="The image topic of a bag that has several."),
+    click.option("--stamps", type=PATH, help="CSV with the stamp time_s of each picture [s]."),
+    click.option(
+        "--begins",
+        type=FiniteRange(-1e10, 1e10),
+        help="Time of the first picture on the log's clock, to a second [s].",
+    ),
+)
+"""The options for a log and its film."""
+
+
+def twin_options(command: Function) -> Function:
+    """Add the options for a log and its film to a command, and return it."""
+    for option in reversed(TWIN):
+        command = option(command)
+    return command
+
+
 TO_TRY = """
 To begin with:
   servobench doctor                    # does this machine render, and how fast?
@@ -191,7 +243,8 @@ To begin with:
 GROUPS = {
     "Run": ("run", "track", "view", "film", "report"),
     "Compare": ("compare", "sweep", "evaluate"),
-    "Measure": ("check", "tune", "budget", "identify", "robot", "photo", "doctor"),
+    "Measure": ("check", "tune", "budget", "robot", "photo", "doctor"),
+    "Real robots": ("preflight", "twin", "identify"),
     "Publish": ("benchmark", "papers", "docs"),
     "Connect your own parts": ("new", "list", "schema"),
 }

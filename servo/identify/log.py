@@ -145,12 +145,20 @@ def read(path: Path) -> Log:
             less than 2 s or more than 600 s; a used column has texts, numbers above 1e12 or
             positions that jump; or no channel has both a command and enough positions that vary.
     """
-    table = _table(path)
+    return log_of(table_in(path), path)
+
+
+def log_of(table: pa.Table, path: Path) -> Log:
+    """Return the log that a table has; `path` is its file, for messages.
+
+    Raises:
+        Mistake: As `read`.
+    """
     names = table.column_names
     commands = [found.groups() for found in map(COMMAND.fullmatch, names) if found]
     used = {*STAMPS, *PICTURES, *(part for each in commands for part in _parts(*each))}
     columns = {
-        name: _numbers(table, name, path)
+        name: numbers_in(table, name, path)
         for name, column in zip(names, table.columns, strict=True)
         if name in used and (name == "time_s" or not pa.types.is_null(column.type))
     }
@@ -242,7 +250,7 @@ def listed(names: Sequence[str], most: int) -> str:
     return ", ".join(names[:most]) + more
 
 
-def _table(path: Path) -> pa.Table:
+def table_in(path: Path) -> pa.Table:
     """Return a log's rows; a last line of a CSV file without line end is left out, because it may
     have lost some of its digits.
     """
@@ -272,7 +280,7 @@ def _table(path: Path) -> pa.Table:
         ) from error
 
 
-def _numbers(table: pa.Table, name: str, path: Path) -> Array:
+def numbers_in(table: pa.Table, name: str, path: Path) -> Array:
     """Return a column of a log (n,); an empty cell is nan."""
     try:
         return np.asarray(table[name].cast(pa.float64()), np.float64)

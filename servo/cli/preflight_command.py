@@ -1,0 +1,234 @@
+"""The command `servobench preflight`: compare a robot's log with the film of its camera, and print
+what is wrong and what to change, before the robot moves by its camera.
+"""
+
+import csv
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from servo.cli.jobs import progress
+from servo.cli.outputs import check_writable
+from servo.cli.terminal import complain, plain, print_table, waiting
+from servo.loop.episode import Episode
+from servo.mistake import Mistake, as_mistake, check_suffix, writing
+from servo.output.formats import Made, command_line
+from servo.output.run_folder import prepare
+from servo.output.versions import versions
+from servo.report.page import render
+from servo.scenario.calibration import camera_in
+from servo.scenario.load import load
+from servo.twin import section as sections
+from servo.twin.compare import Comparison, Trust, compare, rough_begin
+from servo.twin.corrections import Smooth, corrections
+from servo.twin.mount import Mount
+from servo.twin.readings import SHORTEST, clock_of, film, hand_log, is_camera
+from servo.twin.tracks import Tracks, follow
+from servo.twin.verdict import believed_mount
+from servo.twin.wiggle import rates
+from servo.types import DOF
+from sim.types import Camera
+from tracking.files import atomic
+
+PAGE = "report.html"
+ASSUMED = 60.0
+"""Horizontal field of view of a camera of which nothing is known [deg]."""
+WHOLE = 0.99
+"""Share of a film inside the log from which on it counts as whole."""
+PICTURES = 3600
+"""Number of pictures that progress counts with where a film does not state its number."""
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """The options of `preflight` and `twin` about log, film and camera."""
+
+    log: Path
+    video: str
+    scenario: str | None = None
+    calibration: Path | None = None
+    fov: float | None = None
+    along: float | None = None
+    """The camera's distance from the hand's origin along its optical axis [m]."""
+    mount: list[float] | None = None
+    """Stated mount: x, y, z [m], roll, pitch, yaw [deg]."""
+    rate: float = 30.0
+    topic: str | None = None
+    stamps: Path | None = None
+    begins: float | None = None
+
+
+def run(
+    log: Path | None, video: str | None, wiggle: Path | None, out: Path | None, **options: object
+) -> int:
+    """Compare a log with a film; print the table, and write it as a page. Return 1 if something is
+    wrong or refused, else 0.
+
+    Args:
+        log: The robot's log.
+        video: The film of its camera.
+        wiggle: A file to write the motion into, in place of a comparison.
+        out: The folder to write; None: the next free runs/preflight-LOG.
+        **options: The other fields of `Given`.
+
+    Raises:
+        Mistake: The log or the film cannot be used.
+    """
+    scenario = options.get("scenario")
+    if wiggle is not None:
+        write_wiggle(wiggle, scenario if isinstance(scenario, str) else None)
+        return 0
+    if log is None or video is None:
+        raise Mistake(
+            "preflight: give a LOG and a VIDEO, or --wiggle FILE.csv for the motion to record"
+        )
+    given = Given(log, video, **options)  # type: ignore[arg-type]
+    compared, *_ = comparison(given)
+    show(compared)
+    folder = prepare(out, f"preflight-{log.stem}")
+    with writing(folder):
+        page = atomic.write(folder, PAGE, render([sections.section(compared, folder, made(given))]))
+    plain(Console(), str(page))
+    return 0 if compared.verdict.is_good else 1
+
+
+def made(given: Given, command: str = "preflight", **more: object) -> Made:
+    """Return the command that repeats a comparison, and the versions of the packages."""
+    options = {
+        name: getattr(given, name)
+        for name in ("scenario", "calibration", "fov", "along", "rate", "topic", "stamps", "begins")
+    }
+    if given.mount is not None:
+        options["mount"] = ",".join(f"{each:g}" for each in given.mount)
+    line = command_line(command, str(given.log), given.video, **options, **more)
+    return Made(command=line, versions=versions())
+
+
+def show(compared: Comparison) -> None:
+    """Print the table of a comparison, and its doubts."""
+    console = Console()
+    print_table(console, sections.table(compared))
+    plain(console, *(f"doubt: {each}" for each in compared.verdict.doubts))
+
+
+def comparison(given: Given) -> tuple[Comparison, Camera, float]:
+    """Return the comparison of a log with a film, the film's camera, and the time of its first
+    picture on the log's clock but for the offset [s].
+
+    Raises:
+        Mistake: The log or the film cannot be used.
+    """
+    console = Console()
+    with waiting(Console(stderr=True), "reading the log"):
+        smooth = hand_log(given.log, given.scenario).smooth
+    tracks, camera = followed(given, smooth, console)
+    trust = Trust(
+        given.calibration is not None or given.fov is not None,
+        given.along,
+        stated_mount(given),
+    )
+    with progress(console, "comparing", 1 + len(corrections(smooth))) as tick:
+        compared = compare(smooth, tracks, trust, tick)
+    return compared, camera, float(tracks.times[0])
+
+
+def stated_mount(given: Given) -> Mount | None:
+    """Return the mount that the user, or the log, states: a log of the camera's own poses, or of
+    joints of a model with a camera, has it at the camera. None: there is no such statement.
+    """
+    if given.mount is not None:
+        return believed_mount(tuple(given.mount))
+    return believed_mount((0.0,) * 6) if is_camera(given.log, given.scenario) else None
+
+
+def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Camera]:
+    """Return the points of a film, with times on the log's clock but for the offset, and its
+    camera.
+
+    Raises:
+        Mistake: The film cannot be used.
+    """
+    source, pictures = film(given.video, given.rate, given.topic, given.stamps)
+    first = next(pictures, None)
+    if first is None:
+        raise Mistake(f"{given.video}: this film has no pictures")
+    with progress(console, "following points", source.count or PICTURES) as tick, as_mistake():
+        tracks = follow(chain([first], pictures), lambda w, h: camera_for(given, w, h), tick)
+    if source.end is not None:
+        complain(source.end.sentence)
+    span = float(tracks.times[-1] - tracks.times[0])
+    if span < SHORTEST:
+        raise Mistake(
+            f"{given.video}: this film is {span:.3g} s long: record {SHORTEST:g} s or more, best "
+            "30 s of the motion that --wiggle writes"
+        )
+    if not len(tracks.first):
+        raise Mistake(
+            f"{given.video}: no points can be followed in this film: is it dark, blurred or "
+            "without texture?"
+        )
+    clock = clock_of(first.stamp, smooth, given.begins)
+    begins = clock.begins
+    if not clock.is_known:
+        begins = rough_begin(smooth, tracks)
+        plain(
+            console,
+            f"the film has no stamps on the log's clock: its first picture is taken to be at "
+            f"{begins:.3f} s of the log, where the motion fits best",
+        )
+    timed = replace(
+        tracks, times=tracks.times + begins, cuts=[time + begins for time in tracks.cuts]
+    )
+    inside = np.mean((timed.times > smooth.times[0]) & (timed.times < smooth.times[-1]))
+    if inside < WHOLE:
+        plain(
+            console,
+            f"{100 * inside:.0f} % of the film is inside the log's time; the rest is left out",
+        )
+    return timed, camera_for(given, *tracks.size)
+
+
+def camera_for(given: Given, width: int, height: int) -> Camera:
+    """Return the camera of pictures of a size [px], by calibration or field of view."""
+    if given.calibration is not None:
+        camera = camera_in(given.calibration)
+        if (camera.width, camera.height) != (width, height):
+            raise Mistake(
+                f"{given.calibration}: this calibration is for {camera.width} x {camera.height} "
+                f"px, and the film has {width} x {height}"
+            )
+        return camera
+    focal = width / 2 / float(np.tan(np.radians(given.fov or ASSUMED) / 2))
+    return Camera(focal, focal, width / 2, height / 2, width, height)
+
+
+def write_wiggle(path: Path, scenario: str | None) -> None:
+    """Write the motion to play as a CSV of rates: of the hand's twist, or of the joints of a
+    scenario's robot.
+    """
+    check_suffix(path, ".csv")
+    check_writable(path)
+    names, units = DOF, ("m", "m", "m", "rad", "rad", "rad")
+    if scenario is not None:
+        with Episode(load(scenario), seen=False) as episode:
+            names, units = episode.world.robot.names, episode.world.robot.units
+    times, values = rates(tuple(units))
+    with writing(path, "this file"), path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        ends = [f"command_{name}_{unit}_s" for name, unit in zip(names, units, strict=True)]
+        writer.writerow(["time_s", *ends])
+        for time, row in zip(times.tolist(), values.tolist(), strict=True):
+            writer.writerow([f"{time:.3f}", *(f"{each:.6f}" for each in row)])
+    most = np.ptp(np.cumsum(values, axis=0), axis=0) / 50
+    spans = ", ".join(
+        f"{name} {1e3 * span:.0f} mm" if unit == "m" else f"{name} {np.degrees(span):.1f} deg"
+        for name, unit, span in zip(names, units, most, strict=True)
+    )
+    plain(
+        Console(),
+        f"{path}: {times[-1]:.0f} s of rates, from rest to rest, where it began; it moves by "
+        f"{spans}. Try it slowly first, with room around the robot.",
+    )

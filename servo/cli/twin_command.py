@@ -1,0 +1,211 @@
+"""The command `servobench twin`: compare a robot's log with the film of its camera, estimate how
+the robot follows its commands, and write the scenario that simulates both.
+"""
+
+import tomllib
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+from rich.console import Console
+
+from servo.cli.identify_command import estimated
+from servo.cli.jobs import progress
+from servo.cli.preflight_command import PAGE, Given, comparison, made, show, stated_mount
+from servo.cli.terminal import complain, plain, waiting
+from servo.loop.episode import Episode
+from servo.mistake import Mistake, writing
+from servo.output.run_folder import prepare
+from servo.report.page import Block, PageImage, render
+from servo.scenario.load import load
+from servo.twin import section as sections
+from servo.twin.compare import Comparison
+from servo.twin.readings import command_log, film
+from servo.twin.replay import turned_by, write_replay
+from servo.twin.verdict import MM
+from sim.types import Camera, Image
+from tracking.drawing.picture_bytes import encoded
+from tracking.files import atomic
+
+SCENARIO = "twin.toml"
+REPLAY = "replay.mp4"
+DEFAULT = "line"
+DROPPED = ("vary", "expect", "sweep")
+"""Tables that judge the scenario to begin with."""
+STILLS = 3
+
+
+def run(log: Path, video: str, base: str | None, out: Path | None, **options: object) -> int:
+    """Compare a log with a film, and write the scenario that simulates the robot, a film of the
+    recording beside its simulation, and a page. Return 1 if something is wrong or refused, else 0.
+
+    Args:
+        log: The robot's log.
+        video: The film of its camera.
+        base: The scenario to begin with; None: that of the log's joints, or "line".
+        out: The folder to write; None: the next free runs/twin-LOG.
+        **options: The other fields of `Given`.
+
+    Raises:
+        Mistake: The log or the film cannot be used.
+    """
+    given = Given(log, video, **options)  # type: ignore[arg-type]
+    console = Console()
+    scenario = base or given.scenario or DEFAULT
+    load(scenario)
+    compared, camera, begins = comparison(given)
+    show(compared)
+    changes, notes = _changes(given, compared, camera, scenario)
+    folder = prepare(out, f"twin-{log.stem}")
+    text = toml(scenario, changes, notes)
+    with writing(folder):
+        written = atomic.write(folder, SCENARIO, text)
+    plain(console, f"{written}: servobench run {written}")
+    blocks = [Block("The scenario", code=[text])]
+    if compared.verdict.mount is not None:
+        blocks += _replay(given, compared, camera, begins, written, folder, console)
+    else:
+        plain(console, "no replay: the mount is refused")
+    with writing(folder):
+        section = sections.section(compared, folder, made(given, "twin", on=base), blocks)
+        page = atomic.write(folder, PAGE, render([section]))
+    plain(console, str(page))
+    return 0 if compared.verdict.is_good else 1
+
+
+def _changes(
+    given: Given, compared: Comparison, camera: Camera, scenario: str
+) -> tuple[dict[str, object], dict[str, str]]:
+    """Return the settings that a recording shows, and a comment for each; comments with the keys
+    "1", "2", ... are about what is not known.
+    """
+    verdict, mount = compared.verdict, compared.mount
+    changes: dict[str, object] = {}
+    notes: dict[str, str] = {}
+    try:
+        with waiting(Console(stderr=True), "estimating delay, lag, play and noise"):
+            _, text = estimated(command_log(given.log, compared.motion), scenario)
+    except Mistake as error:
+        complain(f"delay, lag and play are not known: {error}")
+        notes["1"] = f"delay, lag and play are not known: {error}"
+    else:
+        for part, keys in tomllib.loads(text).items():
+            changes |= {f"{part}.{key}": value for key, value in keys.items()}
+        notes |= _comments(text)
+    focal = camera.fx * mount.focal
+    changes |= {"camera.width": camera.width, "camera.height": camera.height}
+    changes["camera.rate"] = _rate(compared)
+    if given.calibration is not None:
+        changes["camera.calibration"] = str(given.calibration.resolve())
+    elif given.fov is not None or verdict.mount is not None:
+        changes["camera.fx"] = round(focal, 2)
+        source = "found" if mount.focal != 1 else "given" if given.fov else "assumed"
+        notes["camera.fx"] = source
+    if verdict.offset is not None:
+        offset, half = mount.offset, mount.halves[0]
+        if verdict.mount is None:
+            offset, half = verdict.offset.value, verdict.offset.half
+        changes["believed.clock_offset_ms"] = round(-MM * offset, 2)
+        notes["believed.clock_offset_ms"] = (
+            f"+- {MM * half:.2f} ms: 0 as soon as your driver adds {MM * offset:.2f} ms to each "
+            "stamp"
+        )
+    stated = stated_mount(given)
+    if verdict.mount is not None and stated is not None:
+        vector, place = turned_by(stated, mount)
+        half = np.degrees(mount.halves[1:4].max())
+        changes["believed.hand_eye_rotation_deg"] = np.degrees(vector).round(3).tolist()
+        notes["believed.hand_eye_rotation_deg"] = f"+- {half:.2f} deg: 0 as soon as it is corrected"
+        if verdict.has_lever and abs(place).max() < 1:
+            changes["believed.hand_eye_mm"] = (MM * place).round(2).tolist()
+            notes["believed.hand_eye_mm"] = f"+- {MM * mount.halves[4:7].max():.1f} mm"
+    else:
+        notes["2"] = "hand_eye: not known; it needs a mount that is not refused, and --mount"
+    notes["3"] = "mistakes in the recording: " + ("; ".join(verdict.mistakes) or "none found")
+    return changes, notes
+
+
+def _rate(compared: Comparison) -> float:
+    """Return the film's rate [Hz]."""
+    rate = 1 / float(np.median(np.diff(compared.tracks.times)))
+    return round(rate) if abs(rate - round(rate)) < 0.02 * rate else round(rate, 2)
+
+
+def _comments(text: str) -> dict[str, str]:
+    """Return the comments of TOML lines by their keys, and those on lines of their own."""
+    notes: dict[str, str] = {}
+    part = ""
+    for number, line in enumerate(text.splitlines()):
+        if line.startswith("["):
+            part = line.strip("[]")
+        elif line.startswith("#"):
+            notes[f"line {number}"] = line.removeprefix("# ")
+        elif " = " in line:
+            notes[f"{part}.{line.partition(' = ')[0]}"] = line.partition("#")[2].strip()
+    return notes
+
+
+def toml(scenario: str, changes: dict[str, object], notes: dict[str, str]) -> str:
+    """Return the TOML of a scenario with changes, and comments on them.
+
+    Raises:
+        Mistake: A setting is not possible.
+    """
+    texts = [f"{key}={tomli_w.dumps({'x': value})[4:].strip()}" for key, value in changes.items()]
+    table = {k: v for k, v in load(scenario, texts).table.items() if k not in DROPPED}
+    part = ""
+    lines = [f"# the robot of a recording, on the scenario {scenario}"]
+    lines += [f"# {note}" for key, note in notes.items() if "." not in key]
+    for line in tomli_w.dumps(table).splitlines():
+        part = line.strip("[]") if line.startswith("[") else part
+        note = notes.get(f"{part}.{line.partition(' = ')[0]}", "")
+        lines += [f"# {note}"] if note else []
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def _replay(
+    given: Given,
+    compared: Comparison,
+    camera: Camera,
+    begins: float,
+    scenario: Path,
+    folder: Path,
+    console: Console,
+) -> list[Block]:
+    """Write the film of a recording and its simulation, and return the page's block about it."""
+    source, pictures = film(given.video, given.rate, given.topic, given.stamps)
+    path = folder / REPLAY
+    count = source.count or len(compared.tracks.times)
+    with (
+        Episode(load(scenario), seen=False) as episode,
+        writing(folder),
+        progress(console, "drawing again", count) as tick,
+    ):
+        found = write_replay(pictures, begins, compared, camera, episode, path, tick)
+    text = f"median difference {np.median(found):.1f} of 255 grey levels"
+    plain(console, f"{path}: film and simulation; {text}")
+    stills = [
+        PageImage.of("", encoded(each), REPLAY, sheet=True)
+        for each in islice(_stills(path, len(found)), STILLS)
+    ]
+    return [
+        Block(
+            "Film, simulation at the recorded posture, difference",
+            [
+                f"The whole film is {REPLAY}; {text}. The scene is that of {scenario.name}: only "
+                "things that it has can agree."
+            ],
+            pictures=stills,
+        )
+    ]
+
+
+def _stills(path: Path, count: int) -> Iterator[Image]:
+    """Yield pictures of a film in equal distances."""
+    _, pictures = film(str(path), 30.0, None, None)
+    for number, picture in enumerate(pictures):
+        if picture.image is not None and number % max(1, count // STILLS) == count // (2 * STILLS):
+            yield picture.image

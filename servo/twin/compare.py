@@ -1,0 +1,142 @@
+"""The comparison of a robot's log with the film of its camera: offset, mistakes, mount, verdict."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from servo.twin import mount as mounts
+from servo.twin import offset as offsets
+from servo.twin.corrections import Correction, Smooth, motion, rates
+from servo.twin.diagnosis import Diagnosis, corrected, diagnose
+from servo.twin.mount import Mount
+from servo.twin.offset import Offset
+from servo.twin.robot_motion import RobotMotion
+from servo.twin.tracks import Tracks
+from servo.twin.verdict import SHALLOW, SLIDES, TURNS, Verdict, judge, preferred, second_axes
+from sim.types import Array
+
+ROUGH = 0.04
+"""Interval of the offsets of a search over the whole log [s]."""
+OVERLAP = 0.6
+"""Least share of the film that a log must contain."""
+THIRDS = 3
+"""Parts of a film whose offsets show a drift."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """What of the camera is known: its focal length, its lever along the optical axis [m], or
+    neither; and the mount that the user states.
+    """
+
+    focal: bool = False
+    along: float | None = None
+    believed: Mount | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """The result of a comparison."""
+
+    tracks: Tracks
+    """The film's points, on the log's clock but for the offset."""
+    motion: RobotMotion
+    """The hand's motion after all corrections."""
+    flows: Array
+    """Affine flows (p, 6) of consecutive pictures [1/s]."""
+    offset: Offset
+    diagnosis: Diagnosis
+    mount: Mount
+    verdict: Verdict
+
+
+def compare(
+    smooth: Smooth, tracks: Tracks, trust: Trust, tick: Callable[[str], None]
+) -> Comparison:
+    """Compare a log with the points of a film, whose times are on the log's clock but for an
+    offset of at most 1 s.
+    """
+    steps = tracks.steps
+    flows = offsets.affine_flows(steps)
+    rng = np.random.default_rng(0)
+    offset = offsets.found(motion(smooth), steps, flows, rng)
+    surely = () if offset.depth > SHALLOW else _rate(smooth, steps)
+    is_shown = bool(offset.depth > SHALLOW or surely)
+    known = offset.value if is_shown and not surely and not offset.at_end else None
+    axes = second_axes(motion(smooth), tracks)
+    along = None if trust.focal else trust.along or 0.0
+    search = is_shown and (axes[0] >= SLIDES or axes[1] >= TURNS)
+    diagnosis = preferred(
+        diagnose(smooth, tracks, known, along, tick, surely=surely, search=search), trust.believed
+    )
+    given = diagnosis.best.corrections
+    moved = motion(smooth, *given)
+    film = corrected(tracks, given)
+    if given:
+        flows = offsets.affine_flows(film.steps)
+        offset = offsets.found(moved, film.steps, flows, rng)
+    first = replace(diagnosis.best.mount, drift=_drift(moved, film))
+    fixed = (mounts.FOCAL,) if along is None else (mounts.LEVER_ALONG,)
+    mount = mounts.fitted(moved, film, first, fixed)
+    verdict = judge(
+        offset,
+        diagnosis,
+        mount,
+        film,
+        axes,
+        trust.believed,
+        trusts_focal=trust.focal,
+        trusts_along=trust.along is not None and not trust.focal,
+    )
+    return Comparison(film, moved, flows, offset, diagnosis, mount, verdict)
+
+
+def _rate(smooth: Smooth, steps: Tracks) -> tuple[Correction, ...]:
+    """Return the correction of a film's rate with which the log explains the film, if there is
+    one.
+    """
+    deepest = SHALLOW
+    best: tuple[Correction, ...] = ()
+    for each in rates():
+        film = corrected(steps, (each,))
+        found = offsets.curve_of(motion(smooth), film, offsets.affine_flows(film))
+        if found.depth > deepest:
+            deepest = found.depth
+            best = (each,)
+    return best
+
+
+def _drift(moved: RobotMotion, film: Tracks) -> float:
+    """Return a first drift of the clocks [s/s], from the offsets of the thirds of a film; 0 if one
+    of them is not clear.
+    """
+    first = film.first
+    parts = np.array_split(np.flatnonzero(film.second - first == 1), THIRDS)
+    middles: list[float] = []
+    values: list[float] = []
+    for part in parts:
+        chosen = np.isin(np.arange(len(first)), part)
+        some = film.only(chosen)
+        if not chosen.any():
+            return 0.0
+        found = offsets.curve_of(moved, some, offsets.affine_flows(some))
+        if found.depth < SHALLOW or found.at_end:
+            return 0.0
+        middles.append(float(film.times[first[part]].mean()))
+        values.append(found.value)
+    return float(np.polyfit(middles, values, 1)[0])
+
+
+def rough_begin(smooth: Smooth, tracks: Tracks) -> float:
+    """Return the time of a log at which a film without stamps of its clock begins, to 20 ms [s]:
+    where the hand's motion explains the film best.
+    """
+    steps = tracks.steps
+    room = smooth.times[-1] - smooth.times[0]
+    length = tracks.times[-1] - tracks.times[0]
+    early = -(1 - OVERLAP) * min(length, room)
+    late = room - OVERLAP * min(length, room)
+    grid = smooth.times[0] - tracks.times[0] + np.arange(early, max(late, early + ROUGH), ROUGH)
+    best, _ = offsets.explained(motion(smooth), steps, offsets.affine_flows(steps), grid)
+    return best

@@ -1,0 +1,289 @@
+"""The mistakes that a log or a film may have, each as the correction that takes it back."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from servo.twin.robot_motion import RobotMotion, of_poses, of_twists
+from sim.types import Array
+
+AXES = "xyz"
+DEGREE = np.pi / 180
+
+
+class Kind(Enum):
+    """The values of a log from which the hand's motion follows."""
+
+    POSES = "poses"
+    """x, y, z [m] and a quaternion x, y, z, w."""
+    TWISTS = "twists"
+    """vx, vy, vz [m/s] and wx, wy, wz [rad/s] in the hand's frame."""
+    JOINTS = "joints"
+    """Positions of the joints [m, rad]."""
+
+
+class Frame(Enum):
+    """The frame in which twists are given."""
+
+    HAND = "hand"
+    BASE = "base"
+    MIXED = "v in the base's frame, w in the hand's"
+
+
+@dataclass(frozen=True, slots=True)
+class Smooth:
+    """Smoothed values of a log on an even grid of times, and the function that makes poses (n, 7)
+    of joint positions (n, k).
+    """
+
+    kind: Kind
+    times: Array
+    """The grid (n,) [s]."""
+    values: Array
+    """The values (n, k)."""
+    names: tuple[str, ...]
+    """Names of the values."""
+    poses_of: Callable[[Array], Array] | None = None
+    """Forward kinematics, for joints."""
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """What takes a mistake back: a change of the log's values, the frame of its twists, or flips of
+    the film.
+    """
+
+    mistake: str
+    """The mistake, as the part of a sentence."""
+    remedy: str
+    """What to change, as an order."""
+    change: Callable[[Array], Array] | None = None
+    frame: Frame | None = None
+    flips: tuple[float, float] = (1.0, 1.0)
+    """Signs of x and y in the film."""
+    stretch: float = 1.0
+    """Factor on the film's times."""
+    is_usual: bool = False
+    """True for a mistake that is often made: of equal explanations it is the more likely one."""
+
+
+def millimetres(smooth: Smooth) -> Correction:
+    """Return the correction of a log whose lengths are in millimetres."""
+    columns = [0, 1, 2]
+    if smooth.kind is Kind.JOINTS:
+        columns = [k for k, name in enumerate(smooth.names) if name.endswith("_m")]
+    return Correction(
+        "lengths are in millimetres",
+        "log lengths in m: the present numbers over 1000",
+        _scaled(columns, 1e-3),
+    )
+
+
+def motion(smooth: Smooth, *corrections: Correction) -> RobotMotion:
+    """Return the hand's motion after some corrections of a log."""
+    values = smooth.values
+    frame = Frame.HAND
+    for each in corrections:
+        values = values if each.change is None else each.change(values)
+        frame = each.frame or frame
+    if smooth.kind is Kind.TWISTS:
+        return of_twists(smooth.times, _in_hand(smooth.times, values, frame))
+    if smooth.poses_of is not None:
+        values = smooth.poses_of(values)
+    return of_poses(smooth.times, values)
+
+
+def _in_hand(times: Array, twists: Array, frame: Frame) -> Array:
+    """Return twists (n, 6) in the hand's frame, which begins along the base's."""
+    if frame is Frame.HAND:
+        return twists
+    if frame is Frame.BASE:
+        # w in the base's frame turns from the left: the inverse turns by -w from the right.
+        back = of_twists(times, np.hstack([np.zeros_like(twists[:, :3]), -twists[:, 3:]]))
+        into = Rotation.from_quat(back.turns)
+        return np.hstack([into.apply(twists[:, :3]), into.apply(twists[:, 3:])])
+    there = of_twists(times, np.hstack([np.zeros_like(twists[:, :3]), twists[:, 3:]]))
+    into = Rotation.from_quat(there.turns).inv()
+    return np.hstack([into.apply(twists[:, :3]), twists[:, 3:]])
+
+
+def corrections(smooth: Smooth) -> list[Correction]:
+    """Return all corrections that a log and its film may need, each alone, but for its rate."""
+    of_log = {Kind.POSES: _of_poses, Kind.TWISTS: _of_twists, Kind.JOINTS: _of_joints}[smooth.kind]
+    return [*of_log(smooth.names), MIRRORED]
+
+
+MIRRORED = Correction(
+    "the film is mirrored",
+    "record the film without mirroring (a setting of the camera's driver), or flip it left to "
+    "right",
+    flips=(-1.0, 1.0),
+    is_usual=True,
+)
+
+
+def rates() -> Iterator[Correction]:
+    """Yield the corrections of films whose rate is another usual one than the given."""
+    for true, given in ((25, 30), (24, 30), (30, 25), (15, 30), (30, 15), (60, 30), (30, 60)):
+        yield Correction(
+            f"the film's times run {true / given:.4g} times as fast as the log's",
+            f"give the film's true rate: {true / given:.4g} times the present one (--rate for a "
+            "folder)",
+            stretch=given / true,
+        )
+
+
+def _scaled(columns: NDArray[np.int64] | list[int], factor: float) -> Callable[[Array], Array]:
+    """Return a function that multiplies columns of values (n, k) by a factor."""
+
+    def change(values: Array) -> Array:
+        factors = np.ones(values.shape[1])
+        factors[columns] = factor
+        return values * factors
+
+    return change
+
+
+def _ordered(order: NDArray[np.int64] | list[int]) -> Callable[[Array], Array]:
+    """Return a function that puts the columns of values (n, k) into another order."""
+
+    def change(values: Array) -> Array:
+        return values[:, order]
+
+    return change
+
+
+def _orders(what: str, first: int, width: int) -> Iterator[Correction]:
+    """Yield the five other orders of three columns of values (n, width), from `first` on."""
+    for order in list(permutations(range(3)))[1:]:
+        columns = np.arange(width)
+        columns[first : first + 3] = first + np.array(order)
+        has = ", ".join(AXES[k] for k in np.argsort(order))
+        yield Correction(
+            f"the axes of {what} are exchanged: its columns x, y, z are {has}",
+            f"log {what} with its axes x, y, z in this order: the present columns "
+            f"{', '.join(AXES[k] for k in order)}",
+            _ordered(columns),
+        )
+
+
+def _signs(what: str, first: int) -> Iterator[Correction]:
+    """Yield the changes of sign of one of three columns of values, from `first` on, and of all."""
+    for k, axis in enumerate(AXES):
+        yield Correction(
+            f"the sign of {axis} of {what} is wrong",
+            f"log {axis} of {what} with the other sign",
+            _scaled([first + k], -1.0),
+            is_usual="quaternion" not in what,
+        )
+    yield Correction(
+        f"{what} has the wrong sign in all axes",
+        f"log {what} with the other sign: of the hand in the base, not of the base in the hand",
+        _scaled([first, first + 1, first + 2], -1.0),
+    )
+
+
+def _of_poses(_: tuple[str, ...]) -> Iterator[Correction]:
+    yield from _orders("the position", 0, 7)
+    yield from _signs("the position", 0)
+    yield from _orders("the quaternion's vector", 3, 7)
+    yield from _signs("the quaternion's vector", 3)
+    for order, name in (([4, 5, 6, 3], "w, x, y, z"), ([6, 3, 4, 5], "y, z, w, x")):
+        columns = np.array([0, 1, 2, *order])
+        yield Correction(
+            f"the quaternion's numbers are in the order {name}",
+            "log each part of the quaternion in the column of its name (qw is the cosine)",
+            _ordered(columns),
+            is_usual=name == "w, x, y, z",
+        )
+    yield Correction(
+        "the poses are inverse: of the base in the hand's frame",
+        "log the pose of the hand in the base's frame: the inverse of the present one",
+        _inverse,
+        is_usual=True,
+    )
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        order = np.arange(3)
+        order[[one, other]] = other, one
+        yield Correction(
+            f"the axes {AXES[one]} and {AXES[other]} are exchanged in position and orientation",
+            f"exchange {AXES[one]} and {AXES[other]} of the position and of the quaternion",
+            _ordered(np.array([*order, *(3 + order), 6])),
+        )
+
+
+def _inverse(values: Array) -> Array:
+    back = Rotation.from_quat(values[:, 3:]).inv()
+    turns = values[:, 3:] * (-1, -1, -1, 1)
+    return np.hstack([-back.apply(values[:, :3]), turns])
+
+
+def _of_twists(_: tuple[str, ...]) -> Iterator[Correction]:
+    for what, first in (("v", 0), ("w", 3)):
+        yield from _orders(what, first, 6)
+        yield from _signs(what, first)
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        order = np.arange(3)
+        order[[one, other]] = other, one
+        yield Correction(
+            f"the axes {AXES[one]} and {AXES[other]} are exchanged in v and w",
+            f"exchange {AXES[one]} and {AXES[other]} of v and of w",
+            _ordered(np.array([*order, *(3 + order)])),
+        )
+    yield Correction(
+        "w is in degrees",
+        "log w in rad/s: the present numbers over 57.3",
+        _scaled([3, 4, 5], DEGREE),
+        is_usual=True,
+    )
+    yield Correction(
+        "v and w are exchanged: the angular part comes first",
+        "log v (vx, vy, vz) and w (wx, wy, wz) in the columns of their names",
+        _ordered(np.array([3, 4, 5, 0, 1, 2])),
+        is_usual=True,
+    )
+    yield Correction(
+        "v and w are in the base's frame",
+        "turn v and w into the hand's frame, by the hand's orientation",
+        frame=Frame.BASE,
+        is_usual=True,
+    )
+    yield Correction(
+        "v is in the base's frame, and w in the hand's",
+        "turn v into the hand's frame, by the hand's orientation",
+        frame=Frame.MIXED,
+    )
+    yield Correction(
+        "the twist is that of the base in the hand's frame",
+        "log the twist of the hand: the present one with the other sign",
+        _scaled(np.arange(6), -1.0),
+    )
+
+
+def _of_joints(names: tuple[str, ...]) -> Iterator[Correction]:
+    turning = [k for k, name in enumerate(names) if name.endswith("_rad")]
+    for k, name in enumerate(names):
+        yield Correction(
+            f"the sign of {name} is wrong", f"log {name} with the other sign", _scaled([k], -1.0)
+        )
+    for k, name in enumerate(names):
+        for other in range(k + 1, len(names)):
+            order = np.arange(len(names))
+            order[[k, other]] = other, k
+            if name[-3:] == names[other][-3:]:
+                yield Correction(
+                    f"{name} and {names[other]} are exchanged",
+                    f"exchange the columns {name} and {names[other]}",
+                    _ordered(order),
+                )
+    if turning:
+        yield Correction(
+            "the joints' angles are in degrees",
+            "log angles in rad: the present numbers over 57.3",
+            _scaled(turning, DEGREE),
+        )

@@ -1,0 +1,254 @@
+"""A robot's log and the film of its camera, read for a comparison: the hand's motion on an even
+grid of times, and the pictures' times on the clock of their stamps.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+
+from servo.identify.log import Log, listed, log_of, numbers_in, table_in
+from servo.loop.episode import Episode
+from servo.mistake import Mistake, as_mistake, check_rules
+from servo.output.steps_table import TABLE
+from servo.scenario.load import load
+from servo.twin.corrections import Kind, Smooth
+from servo.twin.robot_motion import RobotMotion, continuous, smoothed
+from sim.models.quaternion import quaternion_of
+from sim.types import Array
+from tracking.sequences.sequence import source_of
+from tracking.sequences.sources import NANO, Picture, Source
+
+POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
+HANDS = ("hand", "camera")
+"""Beginnings of the names of a pose's columns."""
+TWIST = ("vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s")
+SHORTEST = 4.0
+"""Shortest log or film [s]."""
+LONGEST = 600.0
+"""Longest log [s]."""
+FEWEST = 40
+"""Least number of rows with a motion."""
+SPARSEST = 0.1
+"""Largest median interval of the rows [s]."""
+APART = 1.0
+"""Largest distance of a film's first stamp from the log at which both have the same clock [s]."""
+COLUMNS = (
+    "hand_x_m, hand_y_m, hand_z_m, hand_qw, hand_qx, hand_qy, hand_qz (or camera_...), or "
+    "joint_NAME_m and joint_NAME_rad with --scenario, or measured_vx_m_s ... measured_wz_rad_s"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class HandLog:
+    """The motion of a robot's hand as a log has it."""
+
+    smooth: Smooth
+    """Smoothed values on an even grid."""
+    interval: float
+    """Median interval of the rows [s]."""
+
+
+def hand_log(path: Path, scenario: str | None) -> HandLog:
+    """Read the motion of a robot's hand from a log, or from the folder of a run.
+
+    Args:
+        path: A file .csv, .parquet or .mcap, or a folder of `servobench run`.
+        scenario: The scenario whose robot has the log's joints; None: the log has poses or twists.
+
+    Raises:
+        Mistake: The log cannot be read, is too short, or has no motion of the hand.
+    """
+    path = path / TABLE if path.is_dir() else path
+    table = table_in(path)
+    names = table.column_names
+    if "time_s" not in names:
+        raise Mistake(
+            f"{path}: this log has no column time_s; it needs time_s and {COLUMNS}; this one has "
+            f"{listed(names, 12) or 'none'}"
+        )
+    kind, columns = _columns(names, scenario, path)
+    times = numbers_in(table, "time_s", path)
+    values = np.stack([numbers_in(table, name, path) for name in columns], axis=1)
+    there = np.isfinite(times) & np.isfinite(values).all(axis=1)
+    times, values = times[there], values[there]
+    span = float(times[-1] - times[0]) if len(times) else 0.0
+    check_rules(
+        (
+            len(times) < FEWEST,
+            f"{path}: {len(times)} rows of this log have a motion ({columns[0]} and others); "
+            f"record at least {FEWEST}",
+        ),
+        (
+            bool(np.any(np.diff(times) <= 0)),
+            f"{path}: time_s does not increase from row to row: sort or correct the rows",
+        ),
+        (
+            not SHORTEST <= span <= LONGEST,
+            f"{path}: this log is {span:.3g} s long: record {SHORTEST:g} to {LONGEST:g} s, best "
+            "30 s of the motion that --wiggle writes",
+        ),
+        (
+            len(times) > 1 and float(np.median(np.diff(times))) > SPARSEST,
+            f"{path}: the rows of this log are more than {SPARSEST:g} s apart: record "
+            "one each 20 ms",
+        ),
+        (bool(np.any(abs(values) > 1e6)), f"{path}: a number in {columns[0]} ... is above 10^6"),
+    )
+    if kind is Kind.POSES:
+        lengths = np.linalg.norm(values[:, 3:], axis=1)
+        if np.any(abs(lengths - 1) > 0.1):
+            raise Mistake(
+                f"{path}: the quaternion is no unit quaternion: its length is "
+                f"{lengths.min():.3g} to {lengths.max():.3g}; log qw, qx, qy, qz of the hand"
+            )
+        values[:, 3:] = continuous(values[:, 3:])
+    grid, even = smoothed(times, values)
+    poses_of = None
+    if kind is Kind.JOINTS and scenario is not None:
+        poses_of = kinematics(scenario, columns, path)
+    smooth = Smooth(kind, grid, even, tuple(columns), poses_of)
+    _check_motion(smooth, path)
+    return HandLog(smooth, float(np.median(np.diff(times))))
+
+
+def _columns(names: Sequence[str], scenario: str | None, path: Path) -> tuple[Kind, list[str]]:
+    """Return the kind and the names of the columns from which the hand's motion follows."""
+    joints = [name for name in names if name.startswith("joint_") and name[-2:] in ("_m", "ad")]
+    if scenario is not None and joints:
+        return Kind.JOINTS, joints
+    for hand in HANDS:
+        wanted = [f"{hand}_{each}" for each in POSE]
+        if set(wanted) <= set(names):
+            return Kind.POSES, wanted
+    wanted = [f"measured_{each}" for each in TWIST]
+    if set(wanted) <= set(names):
+        return Kind.TWISTS, wanted
+    hint = (
+        "give --scenario, the scenario whose robot has these joints"
+        if joints
+        else f"a log needs time_s and {COLUMNS}; this one has {listed(names, 12)}"
+    )
+    raise Mistake(f"{path}: the motion of the hand does not follow from this log: {hint}")
+
+
+def kinematics(scenario: str, columns: Sequence[str], path: Path) -> Callable[[Array], Array]:
+    """Return the function that makes poses (n, 7) of the hand of joint positions (n, k) in the
+    order of the log's columns.
+
+    Raises:
+        Mistake: The scenario's robot has other joints.
+    """
+    with Episode(load(scenario), seen=False) as episode:
+        robot, data = episode.world.robot, episode.world.data
+        known = [
+            f"joint_{name}_{unit}" for name, unit in zip(robot.names, robot.units, strict=True)
+        ]
+    if set(known) - set(columns):
+        missing = [name for name in known if name not in columns]
+        raise Mistake(
+            f"{path}: the robot of '{scenario}' has joints that the log lacks: {', '.join(missing)}"
+        )
+    order = [list(columns).index(name) for name in known]
+
+    def poses(joints: Array) -> Array:
+        rows: list[Array] = []
+        for q in joints[:, order]:
+            pose = robot.place(data, q)
+            w, *vector = quaternion_of(pose.rotation)
+            rows.append(np.array([*pose.translation, *vector, w]))
+        return np.stack(rows)
+
+    return poses
+
+
+def command_log(path: Path, motion: RobotMotion) -> Log:
+    """Return the log of commands and motion, as `identify` reads it; a log of poses with commanded
+    twists of the hand (command_vx_m_s ...) gets the measured twists of its poses.
+
+    Raises:
+        Mistake: The log has no commands, or `identify` refuses it.
+    """
+    path = path / TABLE if path.is_dir() else path
+    table = table_in(path)
+    names = [f"measured_{each}" for each in TWIST]
+    if any(f"command_{each}" in table.column_names for each in TWIST) and not (
+        set(names) & set(table.column_names)
+    ):
+        times = numbers_in(table, "time_s", path)
+        before = np.append(2 * times[:1] - times[1:2], times[:-1])
+        for name, column in zip(names, motion.twists(before, times).T, strict=True):
+            table = table.append_column(name, pa.array(column))
+    return log_of(table, path)
+
+
+def is_camera(path: Path, scenario: str | None) -> bool:
+    """Return True if a log states where the camera is: by columns camera_..., or by the joints of a
+    scenario's robot, whose model has a camera.
+    """
+    names = table_in(path / TABLE if path.is_dir() else path).column_names
+    return _columns(names, scenario, path)[1][0].startswith(("camera_", "joint_"))
+
+
+def _check_motion(smooth: Smooth, path: Path) -> None:
+    """Check that the values of a log change."""
+    if not np.any(np.ptp(smooth.values, axis=0) > 1e-5):
+        raise Mistake(
+            f"{path}: the hand does not move in this log: play the motion that "
+            "`servobench preflight --wiggle FILE` writes, and record it"
+        )
+
+
+@dataclass(slots=True)
+class FilmClock:
+    """The clock of a film's pictures."""
+
+    begins: float
+    """Stamp of the first picture, on the log's clock as far as it is known [s]."""
+    is_known: bool
+    """True if the film's stamps are on the clock of the log, to some offset."""
+
+
+def film(
+    text: str, rate: float, topic: str | None, stamps: Path | None
+) -> tuple[Source, Iterator[Picture]]:
+    """Return a film, and its pictures with the times of a file of stamps, if there is one.
+
+    Raises:
+        Mistake: The film or the stamps cannot be read.
+    """
+    with as_mistake():
+        source = source_of(text, rate, topic)
+    if stamps is None:
+        return source, iter(source)
+    try:
+        table = pyarrow.csv.read_csv(stamps)
+        times = numbers_in(table, "time_s", stamps)
+    except (OSError, pa.ArrowException) as error:
+        raise Mistake(f"{stamps}: cannot read these stamps: {error}") from None
+    if not (len(times) and np.all(np.diff(times) > 0)):
+        raise Mistake(f"{stamps}: time_s is empty or does not increase from row to row")
+    if source.count is not None and source.count != len(times):
+        raise Mistake(f"{stamps}: {len(times)} stamps for {source.count} pictures of {text}")
+    return source, _stamped(source, times)
+
+
+def _stamped(source: Source, times: Array) -> Iterator[Picture]:
+    for picture, time in zip(source, times.tolist(), strict=False):
+        yield Picture(picture.name, time - float(times[0]), picture.image, stamp=round(time / NANO))
+
+
+def clock_of(first: int | None, log: Smooth, begins: float | None) -> FilmClock:
+    """Return the clock of a film by the stamp of its first picture [ns], or by the time of the
+    log at which the user says that it begins [s].
+    """
+    if begins is not None:
+        return FilmClock(begins, is_known=True)
+    start, end = float(log.times[0]), float(log.times[-1])
+    stamp = start if first is None else first * NANO
+    if start - APART <= stamp <= end:
+        return FilmClock(stamp, is_known=first is not None)
+    return FilmClock(start, is_known=False)

@@ -1,0 +1,139 @@
+"""A recording drawn again: each picture of a film beside the one that the simulated camera takes at
+the recorded posture, and their difference.
+"""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from servo.closing import closing
+from servo.loop.episode import Episode
+from servo.twin.compare import Comparison
+from servo.twin.diagnosis import effect
+from servo.twin.mount import Mount
+from servo.twin.robot_motion import RobotMotion
+from servo.twin.scene_camera import SceneCamera
+from sim.geometry import log_so3
+from sim.types import Array, Camera, Image, Pose
+from tracking.drawing import colours
+from tracking.drawing.film_page import FilmPage, panel
+from tracking.drawing.running_chart import Chart
+from tracking.sequences.sources import Picture
+
+PANEL = 416, 312
+"""Three of them, with the margins, are 1312 px wide."""
+CAPTIONS = "Film", "Simulation at the recorded posture", "Difference, three times"
+LOUDER = 3.0
+"""Factor on the drawn difference."""
+UPRIGHT = np.radians(3.0)
+NEAR = 0.03
+"""A base whose table is as near to the room's as this is the room's own [rad, m]."""
+NO_STATUS = ""
+STEP = 0.5
+"""Interval of the postures that place the scene [s]."""
+
+
+def camera_poses(motion: RobotMotion, mount: Mount, times: Array) -> list[Pose]:
+    """Return T_base_camera at some times (n,) of the log [s]."""
+    turns, places = motion.at(times)
+    return [
+        Pose(turn @ mount.rotation, place + turn @ mount.lever)
+        for turn, place in zip(turns, places, strict=True)
+    ]
+
+
+def room_of(poses: list[Pose], plane: Array) -> Pose:
+    """Return T_room_base so that the plane of the scene, n . X = 1 in the camera's frame, is the
+    table's top, and the middle of the pictures is at its middle, on average over poses
+    T_base_camera. A base that stands so already is left where it is.
+    """
+    turns = np.stack([pose.rotation for pose in poses])
+    places = np.stack([pose.translation for pose in poses])
+    # The normal of the plane towards the camera, and where the axis meets it.
+    up = -(turns @ (plane / np.linalg.norm(plane))).mean(axis=0)
+    up /= np.linalg.norm(up)
+    middle = (places + turns[:, :, 2] / plane[2]).mean(axis=0)
+    right = turns[:, :, 0].mean(axis=0)
+    right -= up * (up @ right)
+    right /= np.linalg.norm(right)
+    R = np.stack([right, np.cross(up, right), up])
+    is_room = np.arccos(np.clip(up[2], -1, 1)) < UPRIGHT and abs(middle[2]) < NEAR
+    return Pose(np.eye(3), np.zeros(3)) if is_room else Pose(R, -R @ middle)
+
+
+def write_replay(
+    pictures: Iterable[Picture],
+    begins: float,
+    compared: Comparison,
+    camera: Camera,
+    episode: Episode,
+    path: Path,
+    tick: Callable[[str], None],
+) -> list[float]:
+    """Write the film of a recording and its simulation, and return the median difference of each
+    pair of pictures [grey levels].
+
+    Args:
+        pictures: The film's pictures.
+        begins: Time of the first picture on the log's clock, but for the offset [s].
+        compared: The comparison of log and film.
+        camera: The film's camera.
+        episode: The simulated scene.
+        path: MP4 file to write.
+        tick: Called after each picture, with a note; Ctrl-C in it ends the film there.
+    """
+    motion, mount = compared.motion, compared.mount
+    stretch, flips = effect(compared.diagnosis.best.corrections)
+    middle = float(compared.tracks.times[[0, -1]].mean())
+    first, last = motion.times[0], motion.times[-1]
+    room = room_of(camera_poses(motion, mount, np.arange(first, last, STEP)), mount.plane)
+    view = Camera(
+        camera.fx * mount.focal,
+        camera.fy * mount.focal,
+        camera.cx,
+        camera.cy,
+        camera.width,
+        camera.height,
+    )
+    curves = {"median difference": colours.CURVES[0]}
+    page = FilmPage(path, 30.0, "Replay", CAPTIONS, PANEL, Chart(curves, "grey levels"))
+    scene = SceneCamera(episode, view)
+    found: list[float] = []
+    with closing(page.close, scene.close):
+        try:
+            for picture in pictures:
+                time = begins + stretch * picture.time
+                time += mount.offset + mount.drift * (time - middle)
+                if picture.image is None or not first < time < last:
+                    continue
+                pose = room @ camera_poses(motion, mount, np.array([time]))[0]
+                drawn = scene.picture(pose, time)
+                seen = np.ascontiguousarray(picture.image[:: int(flips[1]), :: int(flips[0])])
+                off = _difference(seen, drawn)
+                found.append(float(np.median(off)))
+                shown = np.clip(LOUDER * off, 0, 255).astype(np.uint8)
+                shown = np.repeat(shown[..., None], 3, axis=2)
+                panels = [panel(each, *PANEL) for each in (seen, drawn, shown)]
+                note = f"{found[-1]:.1f} levels"
+                page.add(picture.time, panels, [found[-1]], [NO_STATUS], note)
+                tick(note)
+        except KeyboardInterrupt:
+            if not found:
+                raise
+    return found
+
+
+def _difference(real: Image, drawn: Image) -> Array:
+    """Return the absolute difference (H, W) of two pictures in grey."""
+    one, other = (cv2.cvtColor(each, cv2.COLOR_RGB2GRAY).astype(float) for each in (real, drawn))
+    return np.abs(one - other)
+
+
+def turned_by(believed: Mount, mount: Mount) -> tuple[Array, Array]:
+    """Return the pose of the believed camera in the true one: rotation vector [rad] and position
+    [m].
+    """
+    R = mount.rotation.T @ believed.rotation
+    return log_so3(R), mount.rotation.T @ (believed.lever - mount.lever)

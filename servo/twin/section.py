@@ -1,0 +1,122 @@
+"""The page of a comparison: its table, the curve of the offset, and the motion that the film shows
+beside the one that the log predicts.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from servo.output.formats import Made
+from servo.report.page import Block, Fact, PageImage, Section, again
+from servo.report.words import Badge, Cell, Table, Tone
+from servo.twin.compare import Comparison
+from servo.twin.offset import regressors
+from tracking.drawing.figures import Drawing, panels
+from tracking.drawing.picture_bytes import encoded
+
+FLOWS = (
+    "to the right [1/s]",
+    "wider [1/s]",
+    "sheared [1/s]",
+    "down [1/s]",
+    "sheared back [1/s]",
+    "higher [1/s]",
+)
+"""The parts of an affine flow."""
+SHOWN = 0, 3, 1, 4
+"""Parts that are drawn."""
+SECONDS = 12.0
+"""Time that is drawn [s]."""
+MM = 1e3
+SHOWN_PICTURES = 4
+
+
+def table(compared: Comparison) -> Table:
+    """Return the table of what is wrong, with what to change."""
+    rows: list[list[Cell]] = []
+    for each in compared.verdict.findings:
+        word = "ok" if each.is_good else "refused" if "refused" in each.found else "wrong"
+        rows.append(
+            [
+                each.what,
+                Badge(word, Tone.GOOD if each.is_good else Tone.BAD),
+                each.found.removeprefix("refused: "),
+                each.change,
+            ]
+        )
+    return Table(("", "", "found", "what to change"), rows, words=range(4))
+
+
+def section(compared: Comparison, folder: Path, made: Made, more: Sequence[Block] = ()) -> Section:
+    """Return the section of an HTML page about a comparison."""
+    verdict = compared.verdict
+    tracks = compared.tracks
+    seconds = float(tracks.times[-1] - tracks.times[0])
+    wrong = sum(not each.is_good for each in verdict.findings)
+    lead = (
+        "Log and film fit each other."
+        if verdict.is_good
+        else (f"{wrong} lines need attention before the robot moves by its camera.")
+    )
+    facts = [
+        Fact(
+            "film",
+            f"{seconds:.1f} s",
+            f"{len(tracks.times)} pictures, {tracks.size[0]} x {tracks.size[1]} px",
+        ),
+        Fact("points followed", f"{tracks.known.sum():,}"),
+        Fact("points off the fit", f"{compared.mount.off:.2f} px", "median"),
+        Fact("depth of the offset's curve", f"{compared.offset.depth:.1f}", "at least 3 is needed"),
+    ]
+    pictures = [
+        PageImage.of("", encoded(image), "picture", sheet=False)
+        for image in tracks.middles[:SHOWN_PICTURES]
+    ]
+    blocks = [
+        Block("What is wrong, and what to change", tables=[table(compared)], points=verdict.doubts),
+        Block(
+            "The clock's offset",
+            pictures=[PageImage.of("", curve(compared).png(), "curve", sheet=False)],
+        ),
+        Block(
+            "Motion in the film (dots), and by the log (lines)",
+            pictures=[PageImage.of("", flows(compared).png(), "flows", sheet=False)],
+        ),
+        *more,
+        Block("Pictures of the film", pictures=pictures, folded=True),
+        again(made),
+    ]
+    badge = Badge.of(verdict.is_good, "ready", "not ready")
+    return Section("pre-flight", "Log against film", lead, badge, facts, blocks, str(folder))
+
+
+def curve(compared: Comparison) -> Drawing:
+    """Draw the log determinant of the residuals over the offset."""
+    figure, (ax,) = panels(9.0, 2.6)
+    offset = compared.offset
+    ax.plot(MM * offset.offsets, offset.curve, color="#2b6cb0")
+    ax.axvspan(MM * (offset.value - offset.half), MM * (offset.value + offset.half), alpha=0.25)
+    ax.axvline(MM * offset.value, color="#c23b2e")
+    ax.set_xlabel("offset of the film's clock [ms]")
+    ax.set_ylabel("log det of residuals")
+    return figure
+
+
+def flows(compared: Comparison) -> Drawing:
+    """Draw the affine flow of the film, and the one that the log's motion explains, for 12 s in the
+    middle.
+    """
+    steps = compared.tracks.steps
+    known = regressors(compared.motion, steps, compared.offset.value)
+    fit = known @ np.linalg.lstsq(known, compared.flows, rcond=None)[0]
+    times = steps.times[steps.first]
+    middle = float(np.median(times))
+    part = abs(times - middle) < SECONDS / 2
+    figure, axes = panels(9.0, 5.4, len(SHOWN), sharex=True)
+    for which, ax in zip(SHOWN, axes, strict=True):
+        ax.plot(times[part], compared.flows[part, which], ".", ms=3, color="#59616e")
+        ax.plot(times[part], fit[part, which], color="#c23b2e", lw=1.2)
+        ax.set_ylabel(FLOWS[which], fontsize=8)
+    axes[-1].set_xlabel("time of the film [s]")
+    return figure

@@ -1,0 +1,230 @@
+"""Points of a film that are followed from picture to picture: corners of the whole picture, by
+Lucas and Kanade's method, forth and back.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.types import Array, Camera, Image
+from tracking.sequences.sources import Picture
+
+CELLS = 8, 6
+"""Columns and rows of cells, each of which gives its best corners: the best of the whole picture
+would be on one thing, which may move."""
+EACH = 3
+"""Corners of each cell."""
+SPAN = 3
+"""Pictures between two searches for corners."""
+WINDOW = 15
+"""Side of the window that is compared [px]."""
+LEVELS = 3
+"""Halvings of the picture in which a motion is sought."""
+RETURNS = 0.5
+"""Largest distance of a point from its start after it was followed forth and back [px]."""
+WIDEST = 480
+"""Wider pictures are made smaller [px]: the accuracy is that of many points."""
+WEAK = 1e-5
+"""Least response of a corner, of a picture with values from 0 to 1; noise is below it."""
+DARK = 12.0
+"""Mean of the brightest tenth of a dark picture [of 255]."""
+SHOWN = 200
+"""Every so many-th picture is kept, to be shown."""
+FEW = 30
+"""Least number of points in a pair of pictures that is used."""
+CUT = 0.25
+"""Share of followed points below which the picture after is of another place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tracks:
+    """Points that were followed between pairs of pictures of a film."""
+
+    times: Array
+    """Time of each picture (n,) [s]."""
+    first: NDArray[np.int64]
+    """Number of the first picture of each pair (p,)."""
+    second: NDArray[np.int64]
+    """Number of the second picture of each pair (p,)."""
+    before: Array
+    """Undistorted points x = X/Z, y = Y/Z in the first picture (p, m, 2)."""
+    after: Array
+    """The same points in the second picture (p, m, 2)."""
+    known: NDArray[np.bool_]
+    """True where there is a point (p, m)."""
+    focal: float
+    """Focal length by which pixels of the followed pictures were divided [px]."""
+    dark: float
+    """Share of the pictures that are dark."""
+    cuts: list[float]
+    """Times at which few points are found again [s]."""
+    size: tuple[int, int]
+    """Width and height of the film's pictures [px]."""
+    middles: list[Image]
+    """A few pictures of the film, RGB, in equal distances."""
+
+    @property
+    def steps(self) -> "Tracks":
+        """The pairs of consecutive pictures alone."""
+        return self.only(self.second - self.first == 1)
+
+    def only(self, pairs: NDArray[np.bool_], every: int = 1) -> "Tracks":
+        """Return a part of the pairs (p,), with each `every`-th point of them."""
+        return replace(
+            self,
+            first=self.first[pairs],
+            second=self.second[pairs],
+            before=self.before[pairs, ::every],
+            after=self.after[pairs, ::every],
+            known=self.known[pairs, ::every],
+        )
+
+
+def follow(
+    pictures: Iterable[Picture],
+    camera_of: Callable[[int, int], Camera],
+    tick: Callable[[str], None],
+) -> Tracks:
+    """Return the points that are followed through a film.
+
+    Args:
+        pictures: The pictures, with their times.
+        camera_of: Function that returns the intrinsics of pictures of a width and height [px].
+        tick: Called after each picture, with a note; Ctrl-C in it ends the film there.
+
+    Raises:
+        ValueError: There are fewer than two pictures that can be decoded.
+    """
+    follower = PointFollower()
+    try:
+        for picture in pictures:
+            if picture.image is not None:
+                follower.add(picture.image, picture.time)
+                tick(f"{np.count_nonzero(follower.alive)} points")
+    except KeyboardInterrupt:
+        if len(follower.times) < FEW:
+            raise
+    if len(follower.times) < 2:
+        raise ValueError("this film has fewer than two pictures that can be decoded")
+    return follower.tracks(camera_of(*follower.size))
+
+
+class PointFollower:
+    """Follows points from picture to picture, and keeps the pairs of pictures in which they are."""
+
+    def __init__(self) -> None:
+        self.times: list[float] = []
+        self.size = (0, 0)
+        self.alive: NDArray[np.bool_] = np.empty(0, bool)
+        """Whether each point was found in all pictures since the last search for corners."""
+        self._pairs: list[tuple[int, int, NDArray[np.float32], NDArray[np.float32]]] = []
+        self._shown: list[Image] = []
+        self._cuts: list[float] = []
+        self._dark = 0
+        self._last: Image | None = None
+        self._start = self._points = np.empty((0, 2), np.float32)
+        self._factor = 1.0
+
+    def add(self, image: Image, time: float) -> None:
+        """Follow the points into the next picture, RGB (H, W, 3), taken at a time [s]."""
+        number = len(self.times)
+        self.times.append(time)
+        if number % SHOWN == 0:
+            self._shown.append(image)
+        grey, self._factor = _grey(image)
+        self.size = image.shape[1], image.shape[0]
+        brightest = np.sort(grey[::8, ::8], axis=None)[-len(grey[::8]) :]
+        self._dark += bool(brightest.mean() < DARK)
+        if self._last is not None and self._last.shape == grey.shape and len(self._points):
+            self._follow(self._last, grey, number)
+        if number % SPAN == 0:
+            self._start = self._points = corners(grey)
+            self.alive = np.ones(len(self._points), bool)
+        self._last = grey
+
+    def _follow(self, last: Image, grey: Image, number: int) -> None:
+        """Add the pairs of pictures that end with a number."""
+        moved, found = _followed(last, grey, self._points)
+        before = np.count_nonzero(self.alive)
+        self.alive &= found
+        if before >= FEW and np.count_nonzero(self.alive) < CUT * before:
+            self._cuts.append(self.times[-1])
+            self.alive[:] = False
+        alive = self.alive
+        self._pairs.append((number - 1, number, self._points[alive], moved[alive]))
+        if number % SPAN == 0:
+            self._pairs.append((number - SPAN, number, self._start[alive], moved[alive]))
+        self._points = moved
+
+    def tracks(self, camera: Camera) -> Tracks:
+        """Return all points, by the intrinsics of the pictures."""
+        pairs = [pair for pair in self._pairs if len(pair[2]) >= FEW]
+        before, after = np.zeros((2, len(pairs), CELLS[0] * CELLS[1] * EACH, 2))
+        known = np.zeros(before.shape[:2], bool)
+        for k, (_, _, one, other) in enumerate(pairs):
+            before[k, : len(one)] = camera.normalise((one.astype(float) + 0.5) / self._factor)
+            after[k, : len(one)] = camera.normalise((other.astype(float) + 0.5) / self._factor)
+            known[k, : len(one)] = True
+        first, second = (np.array([pair[i] for pair in pairs], np.int64) for i in (0, 1))
+        return Tracks(
+            np.array(self.times),
+            first,
+            second,
+            before,
+            after,
+            known,
+            camera.focal * self._factor,
+            self._dark / len(self.times),
+            self._cuts,
+            self.size,
+            self._shown,
+        )
+
+
+def _grey(image: Image) -> tuple[Image, float]:
+    """Return a picture in grey, at most 480 px wide, and its size over that of the original."""
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+    factor = min(1.0, WIDEST / grey.shape[1])
+    if factor < 1:
+        grey = cv2.resize(grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
+    return np.asarray(grey, np.uint8), factor
+
+
+def corners(grey: Image) -> NDArray[np.float32]:
+    """Return the best corners (n, 2) of each cell of a picture [px, from the middle of the first
+    pixel], at most three of a cell.
+    """
+    response = cv2.cornerMinEigenVal(grey, 5, ksize=3)
+    peaks = response * (response >= cv2.dilate(response, np.ones((7, 7))))
+    edge = WINDOW // 2
+    peaks[:edge] = peaks[-edge:] = 0
+    peaks[:, :edge] = peaks[:, -edge:] = 0
+    columns, rows = CELLS
+    height, width = grey.shape[0] // rows, grey.shape[1] // columns
+    cells = peaks[: height * rows, : width * columns].reshape(rows, height, columns, width)
+    cells = cells.transpose(0, 2, 1, 3).reshape(rows * columns, -1)
+    best = np.argpartition(cells, -EACH, axis=1)[:, -EACH:]
+    cell, rank = np.nonzero(np.take_along_axis(cells, best, axis=1) > WEAK)
+    row, column = np.divmod(best[cell, rank], width)
+    places = [cell % columns * width + column, cell // columns * height + row]
+    return np.stack(places, axis=1).astype(np.float32)
+
+
+def _followed(
+    last: Image, grey: Image, points: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return where points (n, 2) of a picture are in the next one, and whether each is found."""
+    size = WINDOW, WINDOW
+    guess = points.copy()
+    moved, one, _ = cv2.calcOpticalFlowPyrLK(
+        last, grey, points, guess, winSize=size, maxLevel=LEVELS
+    )
+    back, other, _ = cv2.calcOpticalFlowPyrLK(
+        grey, last, moved, moved.copy(), winSize=size, maxLevel=LEVELS
+    )
+    near = np.linalg.norm(back - points, axis=1) < RETURNS
+    inside = ((moved > 0) & (moved < grey.shape[::-1])).all(axis=1)
+    return np.asarray(moved, np.float32), near & inside & (one.ravel() > 0) & (other.ravel() > 0)

@@ -1,0 +1,412 @@
+"""What a pre-flight finds, and what it refuses to say: each refusal and doubt by its name."""
+
+from dataclasses import dataclass, replace
+from itertools import permutations, product
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from servo.twin import mount as mounts
+from servo.twin.diagnosis import Diagnosis
+from servo.twin.mount import Mount
+from servo.twin.offset import Offset
+from servo.twin.robot_motion import RobotMotion
+from servo.twin.tracks import Tracks
+from sim.geometry import angle_of
+from sim.types import Array
+
+SHALLOW = 3.0
+"""Least depth of the offset's curve."""
+VAGUE_OFFSET = 20e-3
+"""Largest half interval of an offset [s]."""
+VAGUE_TURN = np.radians(2.0)
+"""Largest half interval of the mount's rotation [rad]."""
+VAGUE_LEVER = 0.03
+"""Largest half interval of the lever [m]."""
+TURNS = 0.02
+"""Least rate about the second axis of turning for a lever, root mean square [rad/s]."""
+SLIDES = 0.005
+"""The same of sliding, for a mount without turns [m/s]."""
+SCATTERED = 3.0
+"""Largest scatter of the scene's planes."""
+MANY_STRAY = 0.3
+"""Share of points off the fit above which the scene itself seems to move."""
+DARK = 0.3
+"""Share of dark pictures above which a film is too dark."""
+DRIFTS = 2e-4
+"""Least drift of the clocks that is reported [s/s]."""
+FOCAL_OFF = 0.05
+"""Least error of the focal length that is reported."""
+TURNED = np.radians(8.0)
+"""Largest distance of a mount from a turn by right angles that is named as such [rad]."""
+ALIKE = np.radians(1.0)
+CLOSE = 0.01
+"""Added to the intervals within which a stated mount counts as right [rad, m]."""
+AGAINST = "mount: against --mount"
+STEP = 0.05
+"""Time over which a rate is taken, so that noise is small [s]."""
+PARTS = np.s_[:3], np.s_[3:]
+MM = 1e3
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A row of the pre-flight's table."""
+
+    what: str
+    found: str
+    change: str = ""
+    """What to change; empty: nothing."""
+    is_good: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What a pre-flight found; a number that is refused is None, and a finding says why."""
+
+    findings: list[Finding]
+    doubts: list[str]
+    offset: Offset | None
+    mount: Mount | None
+    """Fit of mount and offset; None if no part of it is to be trusted."""
+    has_rotation: bool
+    has_lever: bool
+    mistakes: list[str]
+
+    @property
+    def is_good(self) -> bool:
+        """True if nothing is wrong and nothing is refused."""
+        return all(each.is_good for each in self.findings)
+
+
+def second_axes(moved: RobotMotion, tracks: Tracks) -> tuple[float, float]:
+    """Return the hand's rates of sliding [m/s] and of turning [rad/s] along the second strongest
+    axis, root mean square, while the film runs.
+    """
+    times = np.arange(tracks.times[0], tracks.times[-1], STEP)
+    twists = moved.twists(times, times + STEP)
+    slides, turns = (np.linalg.svd(twists[:, part], compute_uv=False)[1] for part in PARTS)
+    return float(slides / np.sqrt(len(times))), float(turns / np.sqrt(len(times)))
+
+
+def judge(
+    offset: Offset,
+    diagnosis: Diagnosis,
+    mount: Mount,
+    tracks: Tracks,
+    axes: tuple[float, float],
+    believed: Mount | None,
+    *,
+    trusts_focal: bool,
+    trusts_along: bool,
+) -> Verdict:
+    """Return the verdict over an offset, a diagnosis and a fit.
+
+    Args:
+        offset: The offset.
+        diagnosis: The corrections that explain the recording.
+        mount: The fit with them.
+        tracks: The film's points.
+        axes: Rates along the second axis of sliding and of turning.
+        believed: The mount that the user states, if any.
+        trusts_focal: True if the focal length is calibrated.
+        trusts_along: True if the lever along the optical axis is known.
+    """
+    findings: list[Finding] = []
+    doubts = list(_of_film(tracks))
+    why_no_offset = _no_offset(offset)
+    if why_no_offset:
+        findings.append(Finding("clock offset", f"refused: {why_no_offset}", RECORD, is_good=False))
+    mistakes = [each.mistake for each in diagnosis.best.corrections]
+    tied = bool(diagnosis.others)
+    if not why_no_offset and max(axes[0] / SLIDES, axes[1] / TURNS) >= 1:
+        findings += _of_diagnosis(diagnosis)
+    no_offset = "the clock offset is not known" if why_no_offset else ""
+    why = no_offset or _no_mount(diagnosis, mount, axes, tied)
+    why_no_lever = (
+        "its rotation is not known" if why else _no_lever(mount, axes, trusts_focal or trusts_along)
+    )
+    if not why_no_offset:
+        findings += _of_clock(offset, mount, use_fit=not why)
+    halves = mount.halves
+    if why:
+        findings.append(Finding("mount: rotation", f"refused: {why}", RECORD, is_good=False))
+    else:
+        roll, pitch, yaw = Rotation.from_matrix(mount.rotation).as_euler("xyz", degrees=True)
+        half = np.degrees(halves[1:4].max())
+        findings.append(
+            Finding(
+                "mount: rotation",
+                f"roll {roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f} deg, +- {half:.2f}",
+            )
+        )
+        if believed is not None:
+            findings += _against_believed(mount, believed, mistakes, has_lever=not why_no_lever)
+    if why_no_lever:
+        findings.append(Finding("mount: lever", f"refused: {why_no_lever}", RECORD, is_good=False))
+    else:
+        x, y, z = MM * mount.lever
+        half = MM * halves[4:7].max()
+        findings.append(
+            Finding("mount: lever", f"x {x:.1f}, y {y:.1f}, z {z:.1f} mm, +- {half:.1f}")
+        )
+    if not why:
+        findings += _of_scale(mount, trusts_along=trusts_along, known=trusts_focal or trusts_along)
+        if mount.stray > MANY_STRAY:
+            doubts.append(
+                f"{100 * mount.stray:.0f} % of the points do not move with the scene: much of it "
+                "moves by itself, or is very near"
+            )
+    known = None if why_no_offset else offset
+    return Verdict(
+        findings, doubts, known, None if why else mount, not why, not why_no_lever, mistakes
+    )
+
+
+RECORD = "record 30 s of the motion that `servobench preflight --wiggle FILE` writes"
+
+
+def _no_offset(offset: Offset) -> str:
+    """Return why an offset is refused, or an empty text."""
+    cases = (
+        (
+            offset.depth < SHALLOW,
+            f"the motion in the film does not show it (depth of the curve {offset.depth:.2f}, at "
+            f"least {SHALLOW:g} is needed)",
+        ),
+        (
+            offset.at_end,
+            "the best one is at the end of the search of 1 s: give the film's begin with --begins",
+        ),
+        (
+            offset.half > VAGUE_OFFSET,
+            f"it is uncertain by {MM * offset.half:.0f} ms (at most {MM * VAGUE_OFFSET:.0f})",
+        ),
+    )
+    return next((sentence for applies, sentence in cases if applies), "")
+
+
+def _no_mount(diagnosis: Diagnosis, mount: Mount, axes: tuple[float, float], tied: bool) -> str:
+    """Return why a mount is refused, or an empty text."""
+    apart = [
+        angle_of(diagnosis.best.mount.rotation.T @ other.mount.rotation)
+        for other in diagnosis.others
+    ]
+    cases = (
+        (
+            axes[1] < TURNS and axes[0] < SLIDES,
+            "the hand moves along or about one axis only",
+        ),
+        (
+            tied and max(apart, default=0.0) > VAGUE_TURN,
+            "it differs between the mistakes that explain the recording",
+        ),
+        (
+            any(each.frame is not None for each in diagnosis.best.corrections),
+            "twists in the base's frame do not show how the hand is turned in it",
+        ),
+        (
+            not diagnosis.is_good,
+            "neither the log as it is nor any mistake of the list explains the film",
+        ),
+        (
+            mount.scatter > SCATTERED or mount.plane[2] <= 0,
+            f"no plane fits the scene (scatter {mount.scatter:.1f}, at most {SCATTERED:g})",
+        ),
+        (
+            bool(mount.halves[1:4].max() > VAGUE_TURN),
+            f"it is uncertain by {np.degrees(mount.halves[1:4].max()):.1f} deg (at most "
+            f"{np.degrees(VAGUE_TURN):g})",
+        ),
+    )
+    return next((sentence for applies, sentence in cases if applies), "")
+
+
+def _no_lever(mount: Mount, axes: tuple[float, float], known: bool) -> str:
+    """Return why a lever is refused, or an empty text."""
+    cases = (
+        (
+            axes[1] < TURNS,
+            f"the hand turns at {axes[1]:.3f} rad/s about its second axis (at least {TURNS:g})",
+        ),
+        (
+            bool(mount.halves[4:7].max() > VAGUE_LEVER),
+            f"it is uncertain by {MM * mount.halves[4:7].max():.0f} mm (at most "
+            f"{MM * VAGUE_LEVER:.0f})",
+        ),
+        (
+            not known,
+            "a lever along the optical axis looks as a wrong focal length does: give "
+            "--calibration, --fov or --along",
+        ),
+    )
+    return next((sentence for applies, sentence in cases if applies), "")
+
+
+def _of_film(tracks: Tracks) -> list[str]:
+    """Return doubts about a film."""
+    sentences: list[str] = []
+    if tracks.dark > DARK:
+        sentences.append(f"{100 * tracks.dark:.0f} % of the pictures are dark: expose longer")
+    if tracks.cuts:
+        first = ", ".join(f"{time:.2f}" for time in tracks.cuts[:4])
+        sentences.append(
+            f"the film is cut, or jumps, {len(tracks.cuts)} times (at {first} s on the log's clock)"
+        )
+    return sentences
+
+
+def _of_diagnosis(diagnosis: Diagnosis) -> list[Finding]:
+    """Return the rows about mistakes."""
+    if diagnosis.is_clean:
+        if diagnosis.is_good:
+            return [Finding("log and film", "fit each other as they are")]
+        return [
+            Finding(
+                "log and film",
+                "do not fit each other, and no mistake of the list explains it",
+                "compare frames and units with the manual; look for a scene that moves",
+                is_good=False,
+            )
+        ]
+    best = diagnosis.best
+    if diagnosis.others:
+        trials = [best, *diagnosis.others]
+        names = [" and ".join(each.mistake for each in trial.corrections) for trial in trials]
+        remedies = ["; ".join(each.remedy for each in trial.corrections) for trial in trials]
+        return [
+            Finding(
+                "mistake",
+                f"cannot tell {' from '.join(f'({name})' for name in names[:4])}"
+                + f" and {len(names) - 4} more" * (len(names) > 4),
+                "one of: " + " | ".join(remedies[:4]),
+                is_good=False,
+            )
+        ]
+    return [
+        Finding("mistake", each.mistake, each.remedy, is_good=False) for each in best.corrections
+    ]
+
+
+def _of_clock(offset: Offset, mount: Mount, *, use_fit: bool) -> list[Finding]:
+    """Return the rows about the clocks."""
+    value, half = (mount.offset, mount.halves[0]) if use_fit else (offset.value, offset.half)
+    rows = [
+        Finding(
+            "clock offset",
+            f"{MM * value:.2f} ms, +- {MM * half:.2f}: a picture with the stamp t was taken at "
+            "t + offset on the log's clock (middle of its exposure, middle row)",
+        )
+    ]
+    drift = mount.drift
+    if use_fit and abs(drift) > max(DRIFTS, mount.halves[mounts.DRIFT]):
+        rows.append(
+            Finding(
+                "clock drift",
+                f"{MM * drift:.2f} ms each second, +- {MM * mount.halves[mounts.DRIFT]:.2f}",
+                "stamp both by one clock, or synchronise them (chrony, PTP)",
+                is_good=False,
+            )
+        )
+    return rows
+
+
+def _of_scale(mount: Mount, *, trusts_along: bool, known: bool) -> list[Finding]:
+    """Return the rows about the focal length and the distance of the scene."""
+    rows: list[Finding] = []
+    if trusts_along:
+        half = mount.halves[mounts.FOCAL]
+        off = abs(mount.focal - 1) > max(FOCAL_OFF, half)
+        rows.append(
+            Finding(
+                "focal length",
+                f"{mount.focal:.3f} times the given one, +- {half:.3f}",
+                "calibrate the camera, or correct the field of view" * off,
+                is_good=not off,
+            )
+        )
+    if known:
+        rows.append(Finding("distance of the scene", f"{mount.depth:.3f} m"))
+    return rows
+
+
+def _against_believed(
+    mount: Mount, believed: Mount, mistakes: list[str], *, has_lever: bool
+) -> list[Finding]:
+    """Return the rows about a mount that differs from the one that the user states."""
+    turn = believed.rotation.T @ mount.rotation
+    half = float(mount.halves[1:4].max())
+    near = min(cubes(), key=lambda cube: angle_of(cube.T @ turn))
+    angle, axis = _named(near)
+    if angle and angle_of(near.T @ turn) < TURNED:
+        names = [f"the camera is mounted turned by {angle:.0f} deg about its {axis}"]
+        if angle == 180 and axis.strip("-") == "z":
+            names.append("the film is upside down")
+        mistakes += names
+        text = f"cannot tell {' from '.join(f'({name})' for name in names)}"
+        found = text if len(names) > 1 else names[0]
+        change = "correct --mount (or the camera's driver) by this turn"
+        return [Finding(AGAINST, found, change, is_good=False)]
+    if angle_of(turn) > half + ALIKE:
+        found = f"the rotation differs by {np.degrees(angle_of(turn)):.1f} deg"
+        change = "set the rotation that is found here, or calibrate the mount"
+        return [Finding(AGAINST, found, change, is_good=False)]
+    off = mount.arm - mount.rotation.T @ believed.lever
+    if not has_lever or np.all(abs(off) < mount.halves[4:7] + CLOSE):
+        return []
+    found = f"the lever differs by {MM * np.linalg.norm(off):.0f} mm"
+    change = "set the lever that is found here, or calibrate the mount"
+    if abs(off[2]) > np.linalg.norm(off[:2]):
+        found += (
+            f", most along the optical axis: so would a focal length that is wrong by "
+            f"{100 * off[2] / mount.depth:.0f} %"
+        )
+        change += "; or calibrate the camera"
+    return [Finding(AGAINST, found, change, is_good=False)]
+
+
+def cubes() -> list[Array]:
+    """Return the 24 rotations (3, 3) by right angles."""
+    found: list[Array] = []
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        matrix = np.diag(signs)[:, list(order)]
+        if np.linalg.det(matrix) > 0:
+            found.append(matrix)
+    return found
+
+
+def _named(rotation: Array) -> tuple[float, str]:
+    """Return the angle [deg] and the axis, such as "z" or "x + y", of a turn by right angles."""
+    vector = Rotation.from_matrix(rotation).as_rotvec(degrees=True)
+    angle = float(np.linalg.norm(vector))
+    parts = [
+        f"{'-' if part < 0 else '+'}{name}"
+        for part, name in zip(vector, "xyz", strict=True)
+        if abs(part) > 1
+    ]
+    return round(angle), "".join(parts).removeprefix("+")
+
+
+def believed_mount(numbers: tuple[float, ...]) -> Mount:
+    """Return a mount from x, y, z [m] and roll, pitch, yaw [deg] of the camera in the hand."""
+    rotation = Rotation.from_euler("xyz", numbers[3:], degrees=True).as_matrix()
+    nothing = np.zeros(mounts.COUNT)
+    plane = np.array([0.0, 0.0, 1.0])
+    arm = rotation.T @ np.array(numbers[:3])
+    return Mount(0.0, rotation, arm, 1.0, 0.0, plane, nothing, 0.0, 0.0, 0.0, 0.0)
+
+
+def preferred(diagnosis: Diagnosis, believed: Mount | None) -> Diagnosis:
+    """Return a diagnosis in which, of equal explanations, those far from a stated mount are left
+    out.
+    """
+    if believed is None or not diagnosis.others:
+        return diagnosis
+    trials = [diagnosis.best, *diagnosis.others]
+    near = [angle_of(believed.rotation.T @ trial.mount.rotation) for trial in trials]
+    kept = [
+        trial
+        for trial, angle in zip(trials, near, strict=True)
+        if angle < min(near) + np.radians(30)
+    ]
+    return replace(diagnosis, best=kept[0], others=kept[1:])

@@ -1,0 +1,153 @@
+"""A robot's log against the film of its camera: offset, mount, mistakes, refusals, the twin."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hidden_robot import CAMERA, SIZE, Film, Robot, played
+from scipy.spatial.transform import Rotation
+
+from servo.cli.main import app
+from servo.scenario.load import load
+from servo.twin.compare import Trust, compare
+from servo.twin.corrections import Kind, Smooth
+from servo.twin.robot_motion import REACH, of_twists, smoothed
+from servo.twin.tracks import Tracks
+from servo.twin.verdict import cubes
+from servo.twin.wiggle import rates
+from tracking.drawing.video_writer import VideoWriter
+
+ROBOT = Robot(0.06, Rotation.from_rotvec([0.2, -0.1, 0.3]), np.array([0.02, -0.03, 0.01]))
+SECONDS = 14.0
+POINTS = 40
+
+
+def points(film):
+    """The points of a film, as exact as 0.2 px, without a picture."""
+    times = np.arange(round(film.seconds * 15)) / 15
+    R, t = film.pose(times)
+    rng = np.random.default_rng(0)
+    first = np.repeat(np.arange(len(times) - 3), 2)
+    second = first + np.tile([1, 3], len(times) - 3)
+    before = CAMERA.normalise(rng.uniform(0, SIZE, (len(first), POINTS, 2)))
+    rays = np.insert(before, 2, 1.0, axis=2) @ R[first].transpose(0, 2, 1)
+    places = t[first][:, None] - rays * (t[first][:, None, 2:] / rays[..., 2:])
+    seen = (places - t[second][:, None]) @ R[second]
+    after = seen[..., :2] / seen[..., 2:] + rng.normal(0, 0.2 / CAMERA.fx, before.shape)
+    known = np.ones(before.shape[:2], bool)
+    return Tracks(times, first, second, before, after, known, CAMERA.fx, 0.0, [], SIZE, [])
+
+
+def smooth(film, spoil=lambda v: v):
+    times, poses = ROBOT.log(film)
+    return Smooth(Kind.POSES, *smoothed(times, spoil(poses)), ())
+
+
+def compared(film, spoil=lambda v: v, tracks=None):
+    trust = Trust(focal=True)
+    return compare(smooth(film, spoil), tracks or points(film), trust, lambda _: None)
+
+
+def test_offset_and_mount_are_inside_their_intervals():
+    found = compared(Film(3, SECONDS))
+    errors = ROBOT.errors(found.mount)
+    assert np.all(abs(errors) < found.mount.halves[:7]), errors
+    assert abs(errors[0]) < 1e-3
+    assert np.degrees(found.mount.halves[1:4].max()) < 1.0
+    assert found.verdict.is_good, found.verdict.findings
+    assert abs(found.offset.value - ROBOT.offset) < found.offset.half
+
+
+@pytest.mark.wide
+def test_a_mistake_is_named_with_what_to_change_and_the_mount_is_found_all_the_same():
+    found = compared(Film(3, SECONDS), lambda v: v * (-1000, 1000, 1000, 1, 1, 1, 1))
+    names = [each.found for each in found.verdict.findings if each.what == "mistake"]
+    assert names == ["the sign of x of the position is wrong", "lengths are in millimetres"]
+    assert "over 1000" in found.verdict.findings[1].change
+    assert np.degrees(abs(ROBOT.errors(found.mount)[1:4])).max() < 0.5
+
+
+@pytest.mark.wide
+def test_a_mirrored_film_and_slides_of_the_other_sign_are_the_same_without_a_mount():
+    film = Film(3, SECONDS)
+    tracks = points(film)
+    flipped = replace(tracks, before=tracks.before * (-1, 1), after=tracks.after * (-1, 1))
+    found = compared(film, tracks=flipped)
+    [tie] = [each.found for each in found.verdict.findings if each.what == "mistake"]
+    assert tie.startswith("cannot tell (the film is mirrored) from (")
+    assert not found.verdict.has_rotation
+
+
+@pytest.mark.wide
+@pytest.mark.parametrize(
+    ("moves", "has"),
+    [((1, 0, 0, 0, 0, 0), (False, False)), ((1, 1, 1, 0, 0, 0), (True, False))],
+)
+def test_motion_that_does_not_show_a_mount_is_refused(moves, has):
+    verdict = compared(Film(3, SECONDS, moves=moves)).verdict
+    assert (verdict.has_rotation, verdict.has_lever) == has
+    assert not verdict.is_good
+
+
+@pytest.mark.wide
+def test_a_film_of_another_motion_shows_no_offset():
+    found = compared(Film(3, SECONDS), tracks=points(Film(4, SECONDS)))
+    assert found.verdict.offset is None
+    assert not found.verdict.has_rotation
+    assert "depth of the curve" in found.verdict.findings[0].found
+
+
+def test_smoothing_keeps_a_parabola_and_twists_add_up_to_poses():
+    times = np.sort(np.random.default_rng(0).uniform(0, 2, 200))
+    grid, values = smoothed(times, np.stack([times**2, 3 * times], axis=1))
+    inside = (grid > REACH) & (grid < 2 - REACH)
+    np.testing.assert_allclose(values[inside, 0], grid[inside] ** 2, atol=1e-9)
+    turning = np.tile([0.1, 0, 0, 0, 0, np.pi / 2], (201, 1))
+    moved = of_twists(np.arange(201) * 0.005, turning)
+    R, t = moved.at(np.array([1.0]))
+    np.testing.assert_allclose(R[0], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-3)
+    np.testing.assert_allclose(t[0], [0.2 / np.pi, 0.2 / np.pi, 0], atol=1e-3)
+
+
+def test_the_wiggle_ends_where_it_began_and_there_are_24_turns_by_right_angles():
+    times, values = rates(("m", "rad"))
+    assert times[-1] == 30
+    np.testing.assert_allclose(values.sum(axis=0), 0, atol=1e-9)
+    assert abs(values[[0, -1]]).max() < 2e-3
+    assert len({turn.tobytes() for turn in cubes()}) == 24
+
+
+@pytest.mark.wide
+def test_the_wiggle_of_a_robot_is_a_file_of_its_joints(tmp_path):
+    path = tmp_path / "wiggle.csv"
+    done = CliRunner().invoke(app, ["preflight", "--wiggle", str(path), "--scenario", "line"])
+    assert done.exit_code == 0, done.output
+    head, first, *_ = csv.reader(path.read_text().splitlines())
+    assert head[:2] == ["time_s", "command_x_m_s"]
+    assert len(head) == len(first) == 7
+
+
+@pytest.mark.wide
+def test_a_small_recording_becomes_a_page_and_a_scenario_that_runs(tmp_path):
+    pictures, rows = played(["robot.lag_ms=40"], 18.0)
+    film = VideoWriter(tmp_path / "film.mp4", 30, *SIZE)
+    for picture in pictures:
+        film.add(picture.image, picture.time)
+    film.close()
+    with (tmp_path / "log.csv").open("w") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    words = [tmp_path / "log.csv", tmp_path / "film.mp4", "--fov", "57.82", "--on", "still"]
+    out = tmp_path / "twin"
+    done = CliRunner().invoke(app, ["twin", *map(str, words), "--out", str(out)])
+    assert done.exit_code in (0, 1), done.output
+    assert "clock offset" in done.output
+    scenario = load(out / "twin.toml")
+    assert scenario.robot.lag_ms == pytest.approx(40, abs=12)
+    assert scenario.camera.fx == pytest.approx(289.7, abs=0.5)
+    assert abs(scenario.believed.clock_offset_ms) < 8
+    assert (out / "report.html").read_text().count("<section") == 1
+    assert (out / "replay.mp4").stat().st_size > 10_000
