@@ -81,7 +81,7 @@ BAD = {
         ["list", "magic"],
         "there is no part, section or kind 'magic'; there is scenario, study, robot, target, "
         "motion, tracker, features, estimator, controller, disturbances, sequences, run, world, "
-        "camera, goal, leader, start, region, sight, believed, measure, ground, walls, clutter, "
+        "camera, goal, at_goal, leader, start, region, sight, believed, measure, ground, walls, clutter, "
         "light, recording, vary, "
         "expect, sweep, and the kinds that servobench list shows",
     ),

@@ -51,6 +51,8 @@ REFUSED = (
     "most of it must be inside the image",
     "both sides must be at least 4 px",
     "no component of the twist move",
+    "this tracker reports a rectangle, which does not show a tilt",
+    "did not answer within 0.1 s",
     "the additional modules has no tracker",
     "has no model file",
     "has no score",

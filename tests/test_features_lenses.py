@@ -27,8 +27,8 @@ CAMERAS = {
     for name, (fx, lens) in LENSES.items()
     for shape, ratio in (("square", 1.0), ("oblong", 0.7))
 }
-BY_PICTURES = "photometric"
-SETS = {kind: [] for kind in PLUGINS["features"][0].names() if kind != BY_PICTURES} | {
+BY_PICTURES = ("photometric", "homography")
+SETS = {kind: [] for kind in PLUGINS["features"][0].names() if kind not in BY_PICTURES} | {
     "moments, paper": ["features.scaling=paper"],
     "segment, normalised": ["features.normalised=true"],
     "pose, cMo": ["features.error=cMo"],
@@ -97,7 +97,7 @@ def test_the_pixels_explain_the_cameras_motion_through_the_lens(lens):
         image = np.rint(grey).astype(np.uint8)[..., None].repeat(3, axis=2)
         return replace(sight_of(pose, outline, goal), picture=CameraImage(image, camera))
 
-    features = built(BY_PICTURES)
+    features = built("photometric")
     goal = sight(facing)
     found = by_differences(lambda pose: features.values(sight(pose, goal)), facing, 5e-3)
     # The filter's derivatives, and whole grey values. For a pinhole it would be 1 to 2 off.

@@ -212,11 +212,12 @@ def test_options_change_one_run():
 def test_a_window_shows_each_picture(monkeypatch):
     monkeypatch.setattr(servo.gym, "has_display", lambda: True)
     monkeypatch.delenv("DISPLAY", raising=False)  # matplotlib then opens no window
+    from matplotlib import pyplot
+
+    pyplot.close("all")  # what other tests have left
     env = made(render_mode="human")
     env.reset(seed=0)
     env.step(np.zeros(4, np.float32))
-    from matplotlib import pyplot
-
     (number,) = pyplot.get_fignums()
     (image,) = pyplot.figure(number).axes[0].images
     twin = made(render_mode="rgb_array")

@@ -117,10 +117,10 @@ def test_a_start_that_cannot_be_reached_leaves_the_run_as_it_was():
 def test_a_drawn_start_that_cannot_be_is_drawn_again(monkeypatch):
     start = servo.Episode._start
 
-    def on_the_left(episode, config, way):
+    def on_the_left(episode, world, config, way):
         if config.x > 0:
             raise ValueError("it is on the right")
-        return start(episode, config, way)
+        return start(episode, world, config, way)
 
     monkeypatch.setattr(servo.Episode, "_start", on_the_left)  # a search for a start takes seconds
     settings = {"overrides": [*SHORT, "tracker.kind=truth"]}

@@ -1,7 +1,6 @@
 """Settings that the control laws `ibvs` and `qp` share, and the adaptive gain that they use."""
 
 from dataclasses import dataclass
-from functools import cache
 from typing import Annotated, Literal
 
 import numpy as np
@@ -108,7 +107,7 @@ class LawSettings:
             six: Whether all six may move if `dof` is not set; otherwise vx, vy, vz, wz.
         """
         chosen = self.dof if self.dof is not None else DOF if six else UNTILTED
-        return _marked(tuple(chosen)).copy()
+        return np.array([name in chosen for name in DOF])
 
     def moves_for(
         self, features: FeatureSet, known: NDArray[np.bool_], *, tilt_seen: bool
@@ -127,12 +126,6 @@ class LawSettings:
         for name, dof in features.sole_dof.items():
             moves[DOF.index(dof)] &= known[features.names.index(name)]
         return moves
-
-
-@cache
-def _marked(chosen: tuple[str, ...]) -> NDArray[np.bool_]:
-    """Return True (6,) for each component of the camera twist that is chosen by name."""
-    return np.array([name in chosen for name in DOF])
 
 
 def adaptive_gain(config: LawSettings, ahead: Array) -> float:

@@ -1,12 +1,12 @@
 """Homography between the picture at a goal and the camera's picture, from matched points or from
 all pixels.
 
-Points: ORB (Rublee, Rabaud, Konolige, Bradski, "ORB: an efficient alternative to SIFT or SURF",
-ICCV 2011); SIFT (Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 2004);
-RootSIFT (Arandjelovic, Zisserman, "Three things everyone should know to improve object retrieval",
-CVPR 2012) on affine views of the goal (Morel, Yu, "ASIFT", SIAM Journal on Imaging Sciences 2009).
-Pixels: ECC (Evangelidis, Psarakis, "Parametric image alignment using enhanced correlation
-coefficient maximization", IEEE TPAMI 2008). All are OpenCV's implementations.
+Points: ORB (Rublee, Rabaud, Konolige and Bradski 2011, ORB: an efficient alternative to SIFT or
+SURF); SIFT (Lowe 2004, Distinctive image features from scale-invariant keypoints); RootSIFT
+(Arandjelovic and Zisserman 2012, Three things everyone should know to improve object retrieval) on
+affine views of the goal (Morel and Yu 2009, ASIFT: a new framework for fully affine invariant image
+comparison). Pixels: ECC (Evangelidis and Psarakis 2008, Parametric image alignment using enhanced
+correlation coefficient maximization). All are OpenCV's implementations.
 """
 
 from dataclasses import dataclass
