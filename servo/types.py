@@ -185,7 +185,13 @@ class Prediction:
 
     @staticmethod
     def unmeasured(error: Array, motion: Array, variance: Array | None = None) -> Prediction:
-        """Return a prediction without a measurement: its innovation and NIS are nan (k,)."""
+        """Return a prediction without a measurement: its innovation and NIS are nan (k,).
+
+        Args:
+            error: Feature error (k,) for the law.
+            motion: Estimated de/dt (k,) caused by the target's own motion [1/s].
+            variance: Variances (2, k) of both; None without a filter.
+        """
         none = np.full(len(error), np.nan)
         return Prediction(error, motion, none, none, variance)
 

@@ -108,9 +108,11 @@ class WallsConfig:
 class ClutterConfig:
     """Settings of the objects and toys on the table.
 
-    `number` objects of a shape lie flat, at random places and in random colours, by the seed of the
-    run; the share `alike` of them has colours of the target. With a `height` they stand on the
-    table, and cover what is below them. `toys` keeps the twelve objects that stand on the table.
+    `number` objects of a shape lie flat at random places, by the seed of the run, at most `within`
+    [m] from the table's middle along x and y. Their colours are random; the share `alike` has
+    colours of the target, and with a `picture` each is a box that shows parts of it. With a
+    `height` [m] they stand, each with a height of its own up to this one, and hide what is below
+    them. `toys` keeps the twelve shipped objects on the table.
     """
 
     number: Number = 0

@@ -82,8 +82,8 @@ class Unstable(RuntimeError):
 class Moment:
     """The state of the world at the time of one frame: a function that waits for the picture; the
     target's exact pose and projection, now and at its goal (None without a leader); T_world_target
-    one frame interval ago; the robot's exact and believed postures; body poses (n, 3, 4) in the
-    world; and joint rates (n,) [m/s or rad/s].
+    one frame interval ago; the robot's exact and believed postures; poses (n, 3, 4) of the n moving
+    bodies in the world; and joint rates (m,) [m/s or rad/s].
     """
 
     picture: Callable[[], Frame]
@@ -100,7 +100,7 @@ class Moment:
     bodies: Array
     """Poses (n, 3, 4) of the moving bodies in the world, [R | t]."""
     rates: Array
-    """Measured joint rates (n,) [m/s, rad/s]."""
+    """Measured joint rates (m,) [m/s or rad/s]."""
 
 
 class World:

@@ -91,7 +91,9 @@ def test_a_mistake_is_one_sentence(options, sentence):
 
 
 def test_an_unknown_kind_is_named_before_anything_runs():
-    with pytest.raises(Mistake, match=r"^compare: where variant = a: still.toml: .*'kam'"):
+    with pytest.raises(
+        Mistake, match=r"^compare: in the run with variant = a: still.toml: .*'kam'"
+    ):
         compared(tracker=["a=kam", "kams"])
 
 

@@ -33,7 +33,7 @@ def made(**settings):
             "line: a seed cannot be set here: give it as reset(seed=...)",
         ),
         ({"goal_picture": "yes"}, "there is no goal_picture 'yes'; there is False, True"),
-        ({"scenario": None}, "a scenario is given by its name or its file, not by NoneType"),
+        ({"scenario": None}, "a scenario is given by its name or path, not by NoneType"),
         ({"overrides": None}, "None: expected a list of changes, such as ['run.duration=5']"),
     ],
 )

@@ -183,7 +183,7 @@ def spiked(values, height):
     return values
 
 
-UNMOVED = "the encoder of x does not move with its joint"
+UNMOVED = "the encoder of x does not follow its joint's positions"
 GEAR = (
     "divide its readings by the gear's ratio, with its sign, if the encoder turns before a gear, "
     "else correct the unit of the encoder's or of the joint's positions"
@@ -200,11 +200,11 @@ WRONG = {
     ),
     "a dead encoder": (
         lambda c: {ENCODER: np.full(len(c[ENCODER]), 0.1)},
-        f"{UNMOVED} from 0.01 to 6 s: leave the encoder's column out",
+        f"{UNMOVED} from 0.01 to 6 s: remove the encoder's column from the log",
     ),
     "an encoder that dies": (
         lambda c: {ENCODER: np.where(c["time_s"] < 6, c[ENCODER], c[ENCODER][600])},
-        f"{UNMOVED} from 6.01 to 11.99 s: leave the encoder's column out",
+        f"{UNMOVED} from 6.01 to 11.99 s: remove the encoder's column from the log",
     ),
     "counts": (
         lambda c: {ENCODER: 4096 * c[ENCODER]},
@@ -231,7 +231,7 @@ WRONG = {
     ),
     "an encoder of another motion": (
         lambda c: {JOINT: c[ENCODER][np.random.default_rng(2).permutation(len(c[JOINT]))]},
-        f"{UNMOVED} from 0.01 to 6 s: leave the encoder's column out",
+        f"{UNMOVED} from 0.01 to 6 s: remove the encoder's column from the log",
     ),
     "positions for rates": (
         lambda c: {COMMAND: np.cumsum(c[COMMAND]) / 100},

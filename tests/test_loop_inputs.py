@@ -77,12 +77,12 @@ SENTENCES = {
         "camera: sides should be whole numbers of pixels, got (320.5, 240)"
     ),
     "a camera with a flag as height": "camera: sides should be whole numbers of pixels, got (320, True)",
-    "a camera of huge numbers": "camera: expected finite numbers up to 1e+09, got [1e+300, ",
+    "a camera of huge numbers": "camera: expected finite numbers from -1e+09 to 1e+09, got [1e+300, ",
     "a tilted outline": "outline: expected four corners of one height, got the heights [",
     "a bent outline": "outline: expected the four corners of a rectangle, clockwise",
     "a crossed outline": "outline: expected the four corners of a rectangle, clockwise",
     "an empty outline": "outline: expected numbers of shape (4, 3), got (0,)",
-    "a camera with nan": "camera: expected finite numbers up to 1e+09, got [nan, ",
+    "a camera with nan": "camera: expected finite numbers from -1e+09 to 1e+09, got [nan, ",
     "an outline the other way round": (
         "outline: expected the four corners of a rectangle, clockwise as seen from above, got [["
     ),
@@ -205,7 +205,7 @@ def test_sentences_say_what_was_expected(loop, steps):
     running = begun(loop, steps)
     running.step(steps[0].frame, steps[0].posture)
     expected = {
-        "a twist of nan": "posture.twist: expected finite numbers up to 1e+09, got [",
+        "a twist of nan": "posture.twist: expected finite numbers from -1e+09 to 1e+09, got [",
         "a joint too few": "posture.jacobian: expected shape (6, ",
         "a stamp that goes back": "frame.time: expected a time after that of the frame before, 0.0 s, got -1.0 s",
         "no posture": "posture: expected a Posture, got a NoneType",

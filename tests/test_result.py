@@ -190,7 +190,7 @@ def test_a_film_has_a_picture_for_each_step(result, tmp_path):
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: servo.simulate(3), "a scenario is given by its name or its file, not by int"),
+        (lambda: servo.simulate(3), "a scenario is given by its name or path, not by int"),
         (
             lambda: servo.simulate("still", [3]),
             "[3]: expected a list of changes, such as ['run.duration=5']",
@@ -199,7 +199,7 @@ def test_a_film_has_a_picture_for_each_step(result, tmp_path):
             lambda: servo.simulate("still", {"run.duration": 1}),
             "{'run.duration': 1}: expected a list of changes, such as ['run.duration=5']",
         ),
-        (lambda: servo.sweep(None), "a study is given by its name or its file, not by NoneType"),
+        (lambda: servo.sweep(None), "a study is given by its name or path, not by NoneType"),
         (
             lambda: servo.sweep("particles", seeds="x"),
             "seeds = 'x': expected a whole number from 1 on",
@@ -210,7 +210,7 @@ def test_a_film_has_a_picture_for_each_step(result, tmp_path):
         ),
         (
             lambda: servo.sweep("particles", out=3),
-            "a folder is given by its name or its file, not by int",
+            "a folder is given by its name or path, not by int",
         ),
     ],
 )

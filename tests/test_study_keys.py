@@ -32,12 +32,12 @@ BAD = {
     ),
     "an end of a draw out of range": (
         STILL + "axes.start.scale = { uniform = [0.5, 500.0] }",
-        "where start.scale = 500.0: still.toml: start.scale = 500.0: input should be less than or "
+        "in the run with start.scale = 500.0: still.toml: start.scale = 500.0: input should be less than or "
         "equal to 100",
     ),
     "a late value out of range": (
         STILL + "axes.start.x = { linspace = [0.0, 10_001.0, 1500] }\naxes.run.latency = [1, 2]",
-        "where start.x = 10001.0, run.latency = 1: still.toml: start.x = 10001.0: input should be "
+        "in the run with start.x = 10001.0, run.latency = 1: still.toml: start.x = 10001.0: input should be "
         "less than or equal to 10000",
     ),
     "the same scenario twice": (
@@ -132,7 +132,7 @@ BAD = {
     ),
     "a bound of the scenario that is a list": (
         STILL + "set.expect.settle_s = [1]",
-        "where expect.settle_s = [1]: still.toml: expect.settle_s = [1]: input should be a valid number",
+        "in the run with expect.settle_s = [1]: still.toml: expect.settle_s = [1]: input should be a valid number",
     ),
 }
 
@@ -154,7 +154,7 @@ CHANGES = {
     ),
     "tracker={}": "axes.tracker.kind: --set tracker={} sets all of tracker already: leave one of them out",
     "start.x=wide": (
-        "where start.x = wide, run.latency = 1, tracker.kind = frozen: still.toml: start.x = "
+        "in the run with start.x = wide, run.latency = 1, tracker.kind = frozen: still.toml: start.x = "
         "'wide': input should be a valid number"
     ),
 }

@@ -32,11 +32,11 @@ BAD = {
     ),
     "wrong setting": (
         STILL + "axes.run.latncy = [1]",
-        "where run.latncy = 1: still.toml: run: there is no key 'latncy'; did you mean 'latency'?",
+        "in the run with run.latncy = 1: still.toml: run: there is no key 'latncy'; did you mean 'latency'?",
     ),
     "wrong value": (
         STILL + "axes.run.latency = [1, 500]",
-        "where run.latency = 500: still.toml: run.latency = 500: input should be less than or "
+        "in the run with run.latency = 500: still.toml: run.latency = 500: input should be less than or "
         "equal to 100",
     ),
     "a section as a name": (
@@ -53,7 +53,7 @@ BAD = {
     ),
     "a wrong setting in a group": (
         STILL + "named.scheme.a = { run.latncy = 1 }",
-        "where scheme = a: still.toml: run: there is no key 'latncy'; did you mean 'latency'?",
+        "in the run with scheme = a: still.toml: run: there is no key 'latncy'; did you mean 'latency'?",
     ),
     "too few numbers": (
         STILL + "axes.start.x = { uniform = [1.0] }",

@@ -44,9 +44,10 @@ def errors_file(row: Path) -> Path:
 
 
 def errors_parquet(records: Sequence[Record]) -> bytes:
-    """Return the contents of a Parquet file with a row for each run: its world, the time of the
-    tracker [ms], and the error in each picture in target sizes (square root of the target's area in
-    the goal picture).
+    """Return the bytes of a Parquet file with a row for each run: the name of its world, the time
+    for a picture that the run prescribed to the tracker [ms] (0: the benchmark's own), and, for
+    each picture, the distance of the target's centre from the goal in target sizes (square root of
+    the target's area in the goal picture).
     """
     columns = {
         WORLD: [r.settings[WORLD] for r in records],

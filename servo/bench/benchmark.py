@@ -236,12 +236,12 @@ class Benchmark:
         return [w for c in self.conditions for w in self.worlds_of(c, band)[:count]]
 
     def worlds_of(self, condition: Condition, band: Band) -> list[World]:
-        """Return all worlds of a condition in a band (worlds with seeds of their own), in order of
-        their number.
+        """Return all worlds (random scenarios) of a condition, in order of their number, with the
+        seeds of a band.
 
-        The draws are balanced: among n worlds each n-th part of a range, and each level of a
-        factor, occurs equally often (McKay, Beckman and Conover, A comparison of three methods for
-        selecting values of input variables, 1979: the Latin hypercube).
+        The draws are balanced: of n worlds one lies in each n-th part of a range, and each level of
+        a factor occurs equally often, up to rounding (McKay, Beckman and Conover, A comparison of
+        three methods for selecting values of input variables, 1979: the Latin hypercube).
         """
         seeds = self._seeds(condition, band)[: condition.worlds]
         count = len(seeds)

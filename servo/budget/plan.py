@@ -101,7 +101,9 @@ class Plan:
 
         Args:
             source: The source.
-            idle: Function that returns a sentence for each setting without effect.
+            idle: Function that takes the scenario in which this source acts, and returns a sentence
+                for each setting without effect, which begins with the setting's dotted key and a
+                space.
         """
         tracker = self.scenario.tracker
         if source.name == TRACKER and kind_of(tracker) == "truth":

@@ -87,8 +87,8 @@ def check() -> None:
 @click.option(
     "--region",
     metavar="X,Y,W,H[,DEG]",
-    help="The target in the first picture: top left corner, size [px], rotation about its "
-    "centre (default: the truth's first line).",
+    help="The target in the first picture: top left corner and size [px] before a clockwise "
+    "rotation about its centre [deg] (default: the truth's first line).",
 )
 @click.option("--topic", help="The image topic of a bag that has several.")
 @click.option(

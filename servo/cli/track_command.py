@@ -269,8 +269,9 @@ def _placement(region: str | None, source: str, truth: Array | None) -> tuple[Re
 
 
 def region_of(text: str) -> tuple[Region, State]:
-    """Return a target's region and state in the first picture from a text "X,Y,W,H[,DEG]": top left
-    corner [px], size [px], rotation about the centre [deg].
+    """Return a target's region and state, centre [px] and theta [rad], in the first picture from a
+    text "X,Y,W,H[,DEG]": top left corner and size [px] before a rotation about the centre,
+    clockwise [deg].
 
     >>> region_of("40,30,30,20")[1]
     State(x=55.0, y=40.0, theta=0.0, scale=1.0)

@@ -1,14 +1,16 @@
 """Estimator with a Kalman filter of a nearly constant target acceleration (ViSP's model with a
 third state).
 
-For each feature separately, with the frame interval T: the difference z of its error measures its
-de/dt x; nu is a change of x that decays by rho, and a a nearly constant one; w1 and w2 are white
-noises of variances sQ and sQ2, sR is that of z:
+With noise = "difference", for each feature separately, with the frame interval T: z, the change of
+the error per second less the part that the camera's own motion causes, measures x, the de/dt of the
+target's own motion. nu is a change of x that decays by rho, and a a nearly constant one; w1 and w2
+are white noises of variances sQ and sQ2, sR is that of z:
 
     x+ = x + nu + T a    nu+ = rho nu + w1    a+ = a + w2
     F = [[1, 1, T], [0, rho, 0], [0, 0, 1]]    H = [1, 0, 0]    Q = diag(0, sQ, sQ2)    R = sR
 
-By default a filter with the same motion measures the error itself: see kalman_cv.
+By default (noise = "position"), a filter with the same F measures the error itself, and the
+camera's motion is its known input: see kalman_cv.
 """
 
 from dataclasses import dataclass

@@ -1,15 +1,17 @@
 """Estimator with a Kalman filter of a nearly constant target velocity (Teuliere, Marchand, Eck,
 equation 19).
 
-ViSP's model, for each feature separately: the difference z of its error measures its de/dt x; nu is
-a change of x that decays by rho; w is white noise of variance sQ, sR is that of z:
+ViSP's model, with noise = "difference", for each feature separately: z, the change of the error per
+second less the part that the camera's own motion causes, measures x, the de/dt of the target's own
+motion. nu is a change of x that decays by rho; w is white noise of variance sQ, sR is that of z:
 
     x+ = x + nu    nu+ = rho nu + w
     F = [[1, 1], [0, rho]]    H = [1, 0]    Q = diag(0, sQ)    R = sR
 
-Two differences in a row share the noise of a position, so R is not white. By default a filter with
-the same motion measures the error itself, whose noise is white. If the target reverses, a filter
-that is too slow is worse than none, so the default constants depend on the camera's rate.
+Two differences in a row share the noise of a position, so z's noise is not white. By default, noise
+= "position", a filter with the same F measures the error itself, whose noise is white, and the
+camera's motion is its known input. If the target reverses, a filter that is too slow is worse than
+none, so the default constants depend on the camera's rate.
 """
 
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
-"""Goal beside a leader: a second tag, which `[motion]` moves and which is detected in each
-picture.
+"""Goal of a target that the robot holds in front of a standing camera: a pose relative to a leader,
+a second tag that `[motion]` moves and that is detected in each picture.
 """
 
 from typing import final

@@ -174,8 +174,8 @@ def _of_encoder(channel: LogChannel) -> Iterator[str]:
     """Yield a sentence if a motor's encoder reports a motion later than its joint makes it.
 
     Raises:
-        Mistake: In a piece of the log the readings do not move with the joint, or they have another
-            sign or unit.
+        Mistake: In a piece of the log the readings do not follow the joint's positions, or they
+            have another sign or unit.
     """
     moved = channel.moved
     encoder = channel.encoder
@@ -194,8 +194,8 @@ def _of_encoder(channel: LogChannel) -> Iterator[str]:
         if is_moving and abs(_correlation(read[piece], joint[piece])) < ALIKE:
             begin, end = times[piece[[0, -1]]]
             raise Mistake(
-                f"the encoder of {channel.name} does not move with its joint from {begin:.6g} to "
-                f"{end:.6g} s: leave the encoder's column out"
+                f"the encoder of {channel.name} does not follow its joint's positions from "
+                f"{begin:.6g} to {end:.6g} s: remove the encoder's column from the log"
             )
     ratio = float(np.sign(_correlation(read, joint)) * np.std(read) / np.std(joint))
     if not REFUSED[0] < ratio < REFUSED[1]:

@@ -142,8 +142,9 @@ def read(path: Path) -> Log:
 
     Raises:
         Mistake: The file cannot be read; its column time_s is missing, does not increase, or spans
-            less than 2 s or more than 600 s; a used column has texts, numbers above 1e12 or
-            positions that jump; or no channel has both a command and enough positions that vary.
+            less than 2 s or more than 600 s; asked_s is of another clock than time_s; a used column
+            has texts, numbers above 1e12 or positions that jump; no channel has a command and
+            positions that vary; or one that has them has too few positions, or too far apart.
     """
     return log_of(table_in(path), path)
 

@@ -463,10 +463,12 @@ class Episode:
         )
 
     def advance(self, twist: Array | None = None) -> Advance:
-        """Advance the world to the next picture, as `move` does, and return the motion until then.
+        """Advance the world to the next picture, and return the camera's motion until then.
 
         Args:
-            twist: As for `move`.
+            twist: Camera twist (6,) in the camera frame [m/s, rad/s] that replaces the law's
+                commands of this step (an episode needs `steered=True` for it); without a new
+                command in this step it has no effect. None: the law's commands act.
         """
         if twist is not None:
             self._timeline.steer(twist)

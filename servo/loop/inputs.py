@@ -159,4 +159,7 @@ def _check_numbers(name: str, values: object, shape: tuple[int, ...]) -> None:
     if found.dtype.kind == "f" and np.vdot(found, found) <= LARGEST:
         return
     if found.dtype.kind not in "fiu" or not (np.abs(found) <= LARGEST).all():  # nan is not
-        raise ValueError(f"{name}: expected finite numbers up to {LARGEST:g}, got {found.tolist()}")
+        raise ValueError(
+            f"{name}: expected finite numbers from {-LARGEST:g} to {LARGEST:g}, got "
+            f"{found.tolist()}"
+        )

@@ -114,8 +114,9 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The result of testing a claim: finding, effect with its interval, a sentence, and a table and
-    figure.
+    """The result of testing a claim: the finding, the effect with its 95 % interval and unit, the
+    number of independent units (`count`), the result in one sentence (`measured`), and a table and
+    a figure.
     """
 
     finding: Finding
@@ -124,7 +125,7 @@ class Verdict:
     unit: str
     """Unit of the effect."""
     count: int
-    """Number of units (`Rule.units`)."""
+    """Number of independent units (`Rule.units`)."""
     measured: str
     """The result in one sentence."""
     table: list[list[str]] = field(default_factory=list)

@@ -1,6 +1,7 @@
 """Summaries of a claim's runs: means, differences and ratios with 95 % intervals, and figures."""
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import Literal
 
 import numpy as np
@@ -111,7 +112,7 @@ def lines(
     marker: str = "",
     logarithmic: Logarithmic = None,
 ) -> Figure:
-    """Plot curves as lines.
+    """Return a figure with curves drawn as lines.
 
     Args:
         title: Title of the figure.
@@ -120,10 +121,10 @@ def lines(
         curves: x and y values of each curve, by label.
         top: Upper end of the y axis, which then begins at 0; None: automatic.
         marker: Marker of the points, as in Matplotlib.
-        logarithmic: The axis with a logarithmic scale.
+        logarithmic: Axis with a logarithmic scale, "x" or "y"; None: neither.
     """
     figure, (axes,) = panels(1)
-    for (label, curve), colour in zip(curves.items(), COLOURS, strict=False):
+    for (label, curve), colour in zip(curves.items(), cycle(COLOURS), strict=False):
         axes.plot(*curve, color=colour, lw=1.2, marker=marker, label=label)
     axes.set(title=title, xlabel=x, ylabel=y)
     if top is not None:
@@ -136,8 +137,9 @@ def lines(
 def dots(
     title: str, y: str, groups: Mapping[str, Array], logarithmic: Logarithmic = None
 ) -> Figure:
-    """Plot the values (n,) of each group, such as one value for each sequence, as a column of dots
-    above the group's label.
+    """Return a figure with the values (n,) of each group, such as one value for each sequence, as a
+    column of dots above the group's label; `logarithmic` is the axis with a logarithmic scale, "x"
+    or "y".
     """
     figure, (axes,) = panels(1, width=9.0)
     for i, values in enumerate(groups.values()):
@@ -150,7 +152,7 @@ def dots(
 
 
 def intervals(title: str, x: str, groups: Mapping[str, Interval]) -> Figure:
-    """Plot means with 95 % intervals, each in a row with its label."""
+    """Return a figure of means with 95 % intervals, each in a row with its label."""
     figure, (axes,) = figures.panels(7.0, 1.0 + ROW_HEIGHT * len(groups))
     values, ends = bars(list(groups.values()))
     axes.errorbar(values, range(len(groups)), xerr=ends, fmt="o", capsize=3, color=COLOURS[1])

@@ -117,7 +117,9 @@ def load(folder: Path) -> StudyResults:
 
 
 def missing(plan: StudyFile, store: Store) -> list[str]:
-    """Return sentences about runs of a study that are not finished or are damaged."""
+    """Return a sentence with the number of finished runs if a study is not finished, and one with
+    the number of damaged runs if there are any.
+    """
     found = list[str]()
     if len(store.done) < plan.runs:
         found.append(f"This study is not finished: {len(store.done)} of {plan.runs} runs.")

@@ -71,8 +71,8 @@ class Server:
         return self
 
     def start(self, task: Task) -> None:
-        """Accept the task of a run and ignore its contents, which the external controller does not
-        need.
+        """Do nothing: the external controller does not need the run's task (goal, features,
+        estimator).
         """
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:

@@ -21,7 +21,7 @@ def name(given: object, what: str) -> str:
         Mistake: `given` is neither a text nor a `Path`.
     """
     if not isinstance(given, str | Path):
-        raise Mistake(f"a {what} is given by its name or its file, not by {type(given).__name__}")
+        raise Mistake(f"a {what} is given by its name or path, not by {type(given).__name__}")
     return str(given)
 
 

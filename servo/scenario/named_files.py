@@ -36,14 +36,15 @@ AROUND = {"vary": 1, "set": 1, "axes": 1, "named": 3}
 
 
 def read(name: str) -> tuple[Table, str]:
-    """Read a scenario's file, and return its table, not checked yet, and the file's name.
+    """Return a scenario's table, not checked yet, and the name of its file without folder, such as
+    "still.toml".
 
     Args:
-        name: Name of a shipped scenario, or path of a TOML file; names of files in it are looked up
-            beside it first, then in the working directory.
+        name: Name of a shipped scenario, or path of a TOML file. Names of files that lie beside the
+            latter become absolute paths; others stay relative to the working directory.
 
     Raises:
-        Mistake: There is no such file, or its text is not TOML.
+        Mistake: There is no such file, or it cannot be read, or is not valid TOML.
     """
     path = path_of(name)
     table = toml.decode(toml.read(path, "scenario"), path.name)

@@ -148,8 +148,9 @@ def recorded_parts(config: RecordingConfig) -> dict[str, object]:
 def with_recording(table: Table, place: str) -> Table:
     """Return a scenario's table in which a recording, if it names one, gives the settings of
     camera, run, robot, world and start that the user left out: the recording's rate, duration and
-    focal length, a head whose ranges end where the view would leave the recording, measured
-    visibility, and a start that looks at the target.
+    focal length, a pan-tilt head as the robot, whose ranges end where the view would leave the
+    recording, world.visibility = true (each frame says whether the recording shows the target), and
+    a start at which the camera looks at the target.
 
     Args:
         table: The scenario's table, which is returned unchanged without a recording; settings of

@@ -230,7 +230,7 @@ def _check(study: Study, place: str) -> None:
             settings = base.changes | job.settings
             where = ", ".join(f"{key} = {value}" for key, value in settings.items())
             raise Mistake(
-                f"{place}: where {where}: {error}" if where else f"{place}: {error}"
+                f"{place}: in the run with {where}: {error}" if where else f"{place}: {error}"
             ) from None
 
 

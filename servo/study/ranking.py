@@ -71,8 +71,8 @@ class Rank:
 
 
 def ranked(records: Sequence[Record]) -> list[Rank]:
-    """Return the results of each tracker, ordered by mean area under the success curve, the best
-    first.
+    """Return the results of each tracker, ordered by the mean area under the success curve over
+    sequences, the best first.
     """
     by_label = grouped_by(records, lambda record: str(record.settings[TRACKER]))
     labels = sorted(by_label, key=lambda label: -_mean(by_label[label]))
@@ -96,8 +96,9 @@ def compare(first: Sequence[Record], second: Sequence[Record], measure: str = DE
     Args:
         first: Runs of the first tracker.
         second: Runs of the second tracker.
-        measure: Name of the measure, by default the number of frames until the target is lost; on
-            each sequence the tracker with the higher mean wins.
+        measure: Name of a measure of which more is better, by default the number of frames until
+            the target is lost. A recording counts once, with the mean over its seeds, a painted
+            sequence once for each seed; runs without a value are left out.
     """
     a = _scores(first, measure)
     b = _scores(second, measure)

@@ -166,8 +166,9 @@ class Compared:
 
     @property
     def cells(self) -> list[object]:
-        """Return this comparison as a row of a table: the two values, the unit, wins, losses and
-        ties of the first value, z, the p value, and the p value after Holm's correction.
+        """Return this comparison as a row of a table: the two values of the axis, the kind of what
+        is counted (such as "seed"), wins, losses and ties of the first value, z, the p value, and
+        the p value after Holm's correction.
         """
         t = self.test
         return [self.first, self.second, self.unit, t.wins, t.losses, t.ties, t.z, t.p, self.p_holm]

@@ -125,7 +125,7 @@ class StudiedScenario:
         drawn settings by name.
 
         Raises:
-            Mistake: A setting or a bound is not valid.
+            Mistake: A setting, or a bound on a measure in [expect], is not valid.
         """
         return scenarios.parse(self.table_of(seed, settings), self.name, self.place, self.table)
 

@@ -109,8 +109,9 @@ def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces:
 
 
 def forces_of(model: mujoco.MjModel, joints: Sequence[int]) -> Array:
-    """Return the largest force or torque (n,) of joints (by id) [N or N m], by their own limits and
-    those of their actuators; inf for an unlimited joint.
+    """Return the largest force or torque (n,) [N or N m] that joints (by id) can exert in both
+    directions: the smaller of the joint's own limit and that of its actuator, if it has only one;
+    inf without a limit.
     """
     forces = np.full(len(joints), np.inf)
     for k, joint in enumerate(joints):

@@ -285,13 +285,15 @@ class Robot:
     def posture(self, data: mujoco.MjData, twist: Array, accepted: Array | None = None) -> Posture:
         """Return the robot's posture by the poses that MuJoCo computed last in `data`: the camera's
         pose T_world_camera (T_target_camera if the robot holds the target), joint positions, limits
-        of joints and of their rates, the Jacobian, and the given twists.
+        of joints and of their rates, the Jacobian (6, n) of the camera's twist by joint rates, and
+        the given twists. Twists are in the camera frame, relative to the world, or to the target if
+        the robot holds it.
 
         Args:
             data: MuJoCo's state, with the joint positions.
-            twist: Mean camera twist (6,) since the last frame, in the camera frame [m/s, rad/s].
-            accepted: Mean camera twist (6,) that the drives were set to since the last frame, in
-                the camera frame [m/s, rad/s]; None: unknown.
+            twist: Mean camera twist (6,) since the last frame [m/s, rad/s].
+            accepted: Mean camera twist (6,) that the drives were set to since the last frame [m/s,
+                rad/s]; None: unknown.
         """
         return Posture(
             self.eye(data),

@@ -13,9 +13,9 @@ from sim.types import Pose
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the circle on the table: centre x, y in the world [m], radius [m] and frequency
-    [Hz], which is negative for a clockwise drive as seen from above. The drive starts at x +
-    radius, y.
+    """Settings of a target that drives around a circle on the table: centre x, y in the world [m],
+    radius [m] and rounds per second [Hz], negative for clockwise as seen from above. The target
+    starts at (x + radius, y).
     """
 
     x: Place = 0.0

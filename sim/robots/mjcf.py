@@ -130,8 +130,10 @@ class Config(Drives):
 
 def model_path(model: str) -> Path:
     """Return the path of the model file that the setting `robot.model` names: a path (not checked),
-    a shipped model's name, "menagerie:NAME" or "menagerie:NAME/FILE" of the package
-    mujoco-menagerie, or "menagerie:PATH" below the folder that MENAGERIE_ROOT names.
+    a shipped model's name, or "menagerie:NAME" or "menagerie:NAME/FILE" of the package
+    mujoco-menagerie, which downloads a robot at its first use. If MENAGERIE_ROOT names a folder, a
+    name with a suffix, such as "menagerie:NAME/FILE.xml", is a file in it, also not checked.
+
 
     Raises:
         ValueError: There is no shipped model of this bare name; or the Menagerie is not installed,
@@ -143,8 +145,8 @@ def model_path(model: str) -> Path:
 
 
 def _in_menagerie(model: str) -> Path:
-    """Return the model file that a name with "menagerie:" stands for: "menagerie:PATH" below the
-    folder MENAGERIE_ROOT, or "menagerie:NAME" or "menagerie:NAME/FILE" of the package
+    """Return the model file that a name with "menagerie:" stands for: a file in the folder
+    MENAGERIE_ROOT if that is set and the name has a suffix, else that of the package
     mujoco-menagerie, which downloads a robot at its first use.
 
     Raises:

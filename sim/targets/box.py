@@ -1,4 +1,4 @@
-"""Target: a box in one colour, or with a picture on each side."""
+"""Target: a box in one colour, or with one picture on all sides."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,14 @@ from sim.ranges import File, Length
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a box: length, width and height [m], and a colour, or a picture for each side."""
+    """Settings of a box: length, width, height [m], and a colour, or one picture on all sides."""
 
     size: tuple[Length, Length, Length] = (0.16, 0.1, 0.04)
     """Length along the nose, width, height [m]."""
     colour: Colour = "#b0305a"
     """As "#rrggbb", or red, green and blue from 0 to 1."""
     picture: File | None = None
-    """A picture for each side, in place of the colour: a shipped one's name, a file, or
+    """Picture that all sides show, in place of the colour: a shipped one's name, a file, or
     "skimage:NAME"."""
 
     def build(self, rng: np.random.Generator) -> Target:

@@ -145,8 +145,9 @@ class SampledModel:
         self._views = views
 
     def distances(self, image: LabelledImage, states: Array) -> Array:
-        """Return the Bhattacharyya distances d_m (N,), from 0 (alike) to 1, of the histograms at
-        states (N, 4), x, y [px], theta [rad], ln scale, from the reference histograms.
+        """Return the distances (N,), from 0 (alike) to 1, of states (N, 4), x, y [px], theta [rad],
+        ln scale, from the reference: sqrt(1 - rho), where rho is the mean Bhattacharyya coefficient
+        of the histograms of the template's cells.
         """
         rho = self._coefficients(self._window(image, states), states)
         return np.sqrt(loops.squared_distances(rho))
@@ -155,8 +156,8 @@ class SampledModel:
         """Return the energy (N,) of states (N, 4): x, y [px], theta [rad], ln scale. A particle
         filter weighs a state by exp(-gamma energy).
 
-        The energy is the squared distance d_m^2 from the reference, plus the setting `contrast`
-        times the Bhattacharyya coefficient of the ring around the target with the target. After
+        The energy is the square of the distance (`distances`), plus the setting `contrast` times
+        the Bhattacharyya coefficient of the ring around the target with the target. After
         `recognise`, 0.3 (1 - c) is added, with the largest correlation c of the picture at the
         state with a stored view. With `sampling.combine = "sum"` all is multiplied by the number of
         the template's cells.

@@ -80,8 +80,9 @@ class Witness:
         self._filter.read(self._levels(state, self._filter.points))
 
     def energy(self, states: Array) -> Array:
-        """Return the energy (N,), from 0 (alike) to about 1.5, of states (N, 4): x, y [px], theta
-        [rad], ln scale. It is to be added to the energy of the colours.
+        """Return the energy (N,), from 0 to about 1.5, of states (N, 4): x, y [px], theta [rad], ln
+        scale. By the filter and the templates, it is the lower, the more the picture at a state is
+        like the target. It is to be added to the energy of the colours.
         """
         answers = np.clip(self._answers(self._filter.answer, states), LEAST, MOST)
         alike = self._correlations(states).max(axis=1)

@@ -64,11 +64,12 @@ def panel(
         image: The picture, RGB of any size; None: a black panel.
         width: Width of the panel [px].
         height: Height of the panel [px].
-        marks: Outlines to draw, by corners (4, 2) in pixels of the picture; each also gets a line
-            to the target's front.
+        marks: Outlines to draw: pairs of corners (4, 2) in pixels of the picture, clockwise from
+            the target's top left one, and colour (RGB). Each also gets a line to the middle of its
+            right side, the target's front.
         particles: Dots to draw, by rows (n, 2 or more) that begin with x, y in pixels of the
             picture; None: no dots.
-        paths: Open lines to draw, by points (n, 2) in pixels of the picture.
+        paths: Open lines to draw: pairs of points (n, 2) in pixels of the picture and colour (RGB).
     """
     if image is None:
         return np.zeros((height, width, 3), np.uint8)

@@ -37,8 +37,9 @@ class Cv2Tracker:
     """One of OpenCV's own trackers, by its name, for pictures in BGR. `models` are the paths of its
     model files, in the order of `MODELS`; `seed` is that of OpenCV's random numbers.
 
-    An unusable model file raises an error in the first `update`. Errors of OpenCV in later updates,
-    such as for a box that has left the picture, mean that the target is not seen.
+    A model file that cannot be used raises a ValueError in the constructor, in `init` or in the
+    first `update`. Other errors of OpenCV in `update`, such as for a box that has left the picture,
+    mean that the target is not seen.
     """
 
     def __init__(self, name: str, models: Sequence[str], seed: int) -> None:

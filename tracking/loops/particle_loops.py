@@ -74,7 +74,8 @@ def covariance(samples: Array, weights: Array) -> Array:
 def systematic(weights: Array, first: float) -> NDArray[np.int64]:
     """Return the indices (N,) of the samples that a systematic resampling draws (Kitagawa 1996).
 
-    Sample i is drawn floor or ceil of N w_i times.
+    Sample i is drawn floor or ceil of N w_i times, where w_i is its weight over the sum of all
+    weights.
 
     Args:
         weights: Weights (N,), not negative, with any sum.

@@ -201,10 +201,12 @@ def correlation(seen: Array, template: Array, weights: Array) -> float:
 
 @compiled(error_model="numpy")
 def misfit(weights: Array, sigma: float, spread: float) -> float:
-    """Return the mean logarithm of the standard deviations [grey levels] of all points.
+    """Return the mean over all points of the logarithm of a standard deviation [grey levels]:
+    `sigma` for visible points, and the larger of `spread` and `sigma` for hidden ones. The share of
+    visible points is the mean weight over 0.8, at most 1.
 
     Args:
-        weights: Weights of the points (n,).
+        weights: Weights of the points (n,), 0..1.
         sigma: Standard deviation of the visible points [grey levels].
         spread: Standard deviation of the template's brightness [grey levels], which hidden points
             are assumed to have.

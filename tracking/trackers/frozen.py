@@ -1,5 +1,5 @@
-"""Tracker that tracks nothing: the target stays where it was first seen. It is the baseline of all
-trackers.
+"""Tracker that does not look at the pictures: it reports the first state, moved by the camera's
+motion with `run.ego`. It is the baseline of all trackers.
 """
 
 from dataclasses import dataclass

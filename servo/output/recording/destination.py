@@ -57,7 +57,9 @@ class Recording(ABC):
         """
 
     def refusal(self) -> Refused:
-        """Return the error that `flush` raises when logged data does not arrive in time."""
+        """Return the error that `flush` raises when the destination does not take the logged data
+        within 10 s.
+        """
         return Refused("Rerun takes no more data; run the command again")
 
     def flush(self) -> None:

@@ -4,14 +4,14 @@ harder).
 
 320x240 px, 140 frames, white background. The target, radius 14 px, has four sectors of different
 colours. It follows a smooth path (a sum of two sines in each axis) plus Gaussian noise in every
-frame, of 4, 8, 12, 14 px on each axis. The background has 100, 300, 500, 600 discs of radius 7 to
-14 px; each has two of the target's colours and two random ones (or, as a setting, all four of the
-target's), in random order. The target covers them.
+frame, and stays inside the picture. On levels a to h, the standard deviation of the noise on each
+axis is 4, 8, 12, 14, 4, 8, 10, 12 px, and the background has 100, 300, 500, 600, 300, 300, 400, 500
+discs of radius 7 to 14 px. Each disc has two (e to h: three) of the target's colours, or all four
+with `share_all`; other colours are random, and so is their order. The target covers the discs.
 
 On levels a to d four of six trackers with the paper's settings complete nearly all sequences. On e
-to h each disc has three of the target's colours: the median of the six trackers (`kams` with 50
-particles, the other filters with 200) completes 75, 55, 30 and 10 % of ten sequences, and `kams`
-has a mean error of 3.0, 3.7, 19 and 11 px.
+to h the median of the six trackers (`kams` with 50 particles, the other filters with 200) completes
+75, 55, 30 and 10 % of ten sequences, and `kams` has a mean error of 3.0, 3.7, 19 and 11 px.
 """
 
 from dataclasses import dataclass
