@@ -17,7 +17,7 @@ root_doc = "servo/docs/index"
 include_patterns = [
     "*.md",
     "scenes/*.md",
-    "scenes/benchmarks/README.md",
+    "scenes/benchmarks/*.md",
     "servo/**.md",
     "tests/benchmarks/README.md",
     "tracking/*.md",
