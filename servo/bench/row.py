@@ -213,8 +213,8 @@ def row_of(
 def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> dict[str, float]:
     """Return the share (0 to 1) of worlds in which the tracker held the target (an error of at most
     1 target size in 95 % of the pictures). The keys are the times that the tracker takes for a
-    picture [ms], as texts such as "33"; there are none if the benchmark has no runs with slowed
-    trackers.
+    picture [ms], as texts such as "33"; the result is empty if the benchmark has no runs with
+    slowed trackers.
 
     Args:
         benchmark: The benchmark, whose `slow` names the condition that counts, if any.

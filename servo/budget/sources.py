@@ -133,7 +133,8 @@ def coarser(scenario: Scenario, factor: float) -> Table:
 def theory(source: Source, magnitude: float, scenario: Scenario, focal: float) -> float | None:
     """Return the error of the position at the end by linear theory [mm]: Z dc of a focal length or
     a size that is wrong by the share dc, Z d / f of a principal point that is off by d px where the
-    goal is a pose, and 0 of what only bends the way to a target at rest. None where there is none.
+    goal is a pose, and 0 of what only bends the path to a target at rest. Return None for other
+    sources, and with a leader.
 
     Args:
         source: The source.

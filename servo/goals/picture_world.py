@@ -35,19 +35,23 @@ class AtGoalConfig:
 
     def camera(self, own: CameraConfig) -> CameraConfig:
         """Return the run's camera settings with the changes of this table."""
-        given = {"brightness": self.camera_brightness, "noise": self.camera_noise}
-        return replace(own, **{key: value for key, value in given.items() if value is not None})
+        return replace(own, **_given(brightness=self.camera_brightness, noise=self.camera_noise))
 
     def light(self, own: LightConfig) -> LightConfig:
         """Return the run's settings of the lamp with the changes of this table."""
-        given = {
-            "strength": self.light_strength,
-            "azimuth_deg": self.light_azimuth_deg,
-            "elevation_deg": self.light_elevation_deg,
-        }
-        return replace(own, **{key: value for key, value in given.items() if value is not None})
+        changes = _given(
+            strength=self.light_strength,
+            azimuth_deg=self.light_azimuth_deg,
+            elevation_deg=self.light_elevation_deg,
+        )
+        return replace(own, **changes)
 
     def clutter(self, own: ClutterConfig) -> ClutterConfig:
         """Return the run's settings of the clutter with the changes of this table."""
         number = self.clutter_number
         return own if number is None else replace(own, number=number)
+
+
+def _given(**settings: float | None) -> dict[str, float]:
+    """Return the settings that have a value."""
+    return {key: value for key, value in settings.items() if value is not None}

@@ -147,7 +147,9 @@ def _curve(products: Array) -> Array:
     """Return the log determinant (n,) of the covariance of the flows' residuals, from the sums of
     products (n, 13, 13).
     """
-    inner, cross, outer = products[:, :7, :7], products[:, :7, 7:], products[:, 7:, 7:]
+    inner = products[:, :7, :7]
+    cross = products[:, :7, 7:]
+    outer = products[:, 7:, 7:]
     count = np.maximum(inner[:, :1, :1], 1.0)
     ridge = 1e-9 * count * np.eye(7)
     left = outer - cross.transpose(0, 2, 1) @ np.linalg.solve(inner + ridge, cross)
