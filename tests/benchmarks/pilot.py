@@ -1,6 +1,6 @@
 """Whether the conditions of a draft of a benchmark part its contestants, on worlds to tune on:
 
-    uv run python tests/benchmarks/pilot.py DRAFT ROWS.jsonl [worlds=N] [contestants=A,B]
+    uv run python tests/benchmarks/pilot.py DRAFT ROWS.jsonl [worlds=N] [contestants=A,B] [workers=N]
 
 It runs the contestants (by default all shipped ones) in the first N worlds of each condition, adds a line for each run
 to ROWS.jsonl (runs that are there already are not repeated), and prints a table in Markdown. The rule, written before the
@@ -27,7 +27,7 @@ LEAST = 0.2
 """Item-rest correlation of a world that parts contestants."""
 
 
-def run(draft: str, rows: Path, count: int, names: list[str]) -> None:
+def run(draft: str, rows: Path, count: int, names: list[str], processes: int) -> None:
     """Run what is missing in the file of rows, and add it."""
     benchmark = load(draft)
     done = {(row["world"], row["contestant"]) for row in read(rows)}
@@ -40,7 +40,7 @@ def run(draft: str, rows: Path, count: int, names: list[str]) -> None:
     ]
     # One world of each condition after the other, so that a pilot that is stopped is balanced.
     jobs.sort(key=lambda job: str(job.settings[WORLD]).rpartition("-")[2])
-    with Workers() as workers, rows.open("a") as file:
+    with Workers(processes) as workers, rows.open("a") as file:
         for job, record in execute(jobs, workers):
             if isinstance(record, Failure):
                 raise SystemExit(
@@ -102,5 +102,6 @@ if __name__ == "__main__":
     draft, path, *given = sys.argv[1:]
     options = dict(option.split("=") for option in given)
     chosen = options["contestants"].split(",") if "contestants" in options else []
-    run(draft, Path(path), int(options.get("worlds", 6)), chosen)
+    worlds = int(options.get("worlds", "6"))
+    run(draft, Path(path), worlds, chosen, int(options.get("workers", "1")))
     sys.stdout.write(table(Path(path)) + "\n")
