@@ -203,7 +203,7 @@ def test_a_server_that_hangs_is_ended(mode, wanted):
     [
         (
             "",
-            "the command of the TraX server is empty: set tracker.command, such as 'python my_tracker.py'",
+            "the command of the TraX server is empty: set it, such as command = 'python my_program.py'",
         ),
         (
             "no-such-program x",

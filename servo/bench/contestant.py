@@ -19,7 +19,7 @@ from servo.bench.benchmark import Band, Benchmark, Settings
 from servo.controllers import KINDS as LAWS
 from servo.features import KINDS as FEATURES
 from servo.mistake import Mistake, check_rules
-from servo.scenario.part_names import PROGRAM, TRAX, named_part, settings_of
+from servo.scenario.part_names import ONNX, PROGRAM, TRAX, named_part, settings_of
 from servo.scenario.toml import assignment
 from sim.channels import Channel
 from sim.files.behind import files_behind
@@ -35,8 +35,11 @@ FROZEN = "frozen"
 """A shipped tracker that does not use pictures: any tracker holds the worlds that it holds."""
 OURS = ("scenes", "servo", "sim", "tracking")
 """Packages of servobench, which do not belong to a contestant: a row names their version."""
-NAMING = ("tracker.command", "tracker.model", "controller.file")
+COMMANDS = ("tracker.command", "controller.command")
+NAMING = (*COMMANDS, "tracker.model", "controller.file")
 """Settings that name a guest's files."""
+SERVERS = {"tracker": "tracking.exported.program_server", "controller": "servo.policy_server"}
+"""Modules that run a guest's class in a process of its own, by the section of a scenario."""
 SCRIPTS = (".py", ".sh")
 """Files of a command that may use the modules beside them."""
 OF_CONTROLLERS: Settings = {"features.kind": "points"}
@@ -52,7 +55,10 @@ class Division(Enum):
         "shipped with servobench, and run in the process of the simulation; its settings are part "
         "of the benchmark's history"
     )
-    CLOSED = "a tracker in another process, which gets pictures only; all else as the file has it"
+    CLOSED = (
+        "a tracker or policy in another process, which gets pictures (a policy also the robot's "
+        "posture) and nothing else; all other settings are those of the file"
+    )
     OPEN = "in the same process as the simulation, or with other settings than the file's"
     SCALE = "fixes 0 or 100 on the scale"
 
@@ -88,7 +94,7 @@ class Contestant:
         the words of a command.
         """
         for key, value in self.settings.items():
-            if key == "tracker.command":
+            if key in COMMANDS:
                 yield from shlex.split(str(value))
             else:
                 yield from value if isinstance(value, list) else [str(value)]
@@ -197,7 +203,7 @@ def contestants(
     changed = dict(map(assignment, changes))
     chosen = list(home.values())
     if given:
-        served = not any(key.startswith("tracker.") for key in changed)
+        served = not any(key.startswith(("tracker.", "controller.")) for key in changed)
         chosen = [home.get(text) or _guest(benchmark, home, text, served) for text in given]
     names = [one.name for one in chosen]
     check_rules(
@@ -231,18 +237,18 @@ def _check_pictures(benchmark: Benchmark, one: Contestant) -> None:
         )
 
 
-def _served(settings: Settings) -> Settings:
-    """Return settings that run a Python tracker, given by its settings, in another process, which
-    gets pictures only.
+def _served(section: str, settings: Settings) -> Settings:
+    """Return settings that run a tracker or policy in Python, given by its settings in a section
+    of a scenario, in another process, which gets pictures (and the robot's posture) only.
     """
-    table = {key.removeprefix("tracker."): value for key, value in settings.items()}
+    table = {key.removeprefix(f"{section}."): value for key, value in settings.items()}
     python = Path(shutil.which("python") or "")
     words = ["python" if python == Path(sys.executable) else sys.executable]
-    words += ["-m", "tracking.exported.program_server", str(table.pop("kind"))]
+    words += ["-m", SERVERS[section], str(table.pop("kind"))]
     if preset := table.pop("preset", None):
         words += ["--preset", str(preset)]
     words += [f"{key}={json.dumps(value)}" for key, value in table.items()]
-    return settings_of("tracker", PROGRAM + shlex.join(words))
+    return settings_of(section, PROGRAM + shlex.join(words))
 
 
 def _guest(benchmark: Benchmark, home: Collection[str], text: str, served: bool) -> Contestant:
@@ -256,8 +262,11 @@ def _guest(benchmark: Benchmark, home: Collection[str], text: str, served: bool)
         own = benchmark.home.get(what)
         if own is None and what in FEATURES.names():
             own = settings_of("features", what)
+        settings = own or OF_CONTROLLERS | settings_of("controller", what)
         division = Division.HOME if what in (*home, *kinds) else Division.OPEN
-        return Contestant(name, own or OF_CONTROLLERS | settings_of("controller", what), division)
+        if benchmark.contestant == "pictures" and division is Division.OPEN:
+            settings, division = _policy(what, served)
+        return Contestant(name, settings, division)
     settings = settings_of("tracker", what)
     if what.startswith((TRAX, PROGRAM)):
         return Contestant(name, settings, Division.CLOSED)
@@ -271,5 +280,17 @@ def _guest(benchmark: Benchmark, home: Collection[str], text: str, served: bool)
     if kind in home:
         return Contestant(name, settings, Division.HOME)
     if served:
-        return Contestant(name, _served(settings), Division.CLOSED)
+        return Contestant(name, _served("tracker", settings), Division.CLOSED)
     return Contestant(name, settings, Division.OPEN)
+
+
+def _policy(what: str, served: bool) -> tuple[Settings, Division]:
+    """Return the settings and the division of a user's policy: a program or a network runs by
+    itself; a class or a function, if `served`, in another process.
+    """
+    settings = settings_of("controller", what)
+    if what.startswith((PROGRAM, ONNX)):
+        return OF_CONTROLLERS | settings, Division.CLOSED
+    if not served:
+        return OF_CONTROLLERS | settings, Division.OPEN
+    return OF_CONTROLLERS | _served("controller", settings), Division.CLOSED

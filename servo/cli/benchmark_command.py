@@ -18,7 +18,7 @@ from servo.bench.audit import (
     read_errors,
     sample,
 )
-from servo.bench.benchmark import DRAFTS, QUICK, Band, Benchmark, World, load
+from servo.bench.benchmark import QUICK, Band, Benchmark, World, load
 from servo.bench.contestant import Contestant, Division, contestants, home_of, scale_of
 from servo.bench.row import Row, check_version, file_name, row_of, shipped_rows
 from servo.bench.world_run import CONTESTANT, SLOW, WORLD, jobs_of
@@ -81,7 +81,7 @@ def run(
     console = Console(quiet=quiet)
     benchmark = load(name)
     benchmark.check_frozen()
-    if name in DRAFTS and (band == "v1" or sealed is not None or submit is not None):
+    if benchmark.is_draft and (band == "v1" or sealed is not None or submit is not None):
         raise Mistake(
             f"{name} is a draft, whose conditions may still change: only its worlds to tune on can "
             "be run: leave --band v1, --sealed and --submit out"
@@ -99,7 +99,8 @@ def run(
             )
     of = _sealed(sealed, chosen[0]) if sealed is not None else Band("v1" if band == "v1" else "dev")
     worlds = benchmark.every_world(of, QUICK if quick else None)
-    try_out((benchmark.scenario_of(worlds[0], one.settings).tracker for one in chosen), console)
+    firsts = [benchmark.scenario_of(worlds[0], one.settings) for one in chosen]
+    try_out((part for first in firsts for part in (first.tracker, first.controller)), console)
     known = _scale_rows(benchmark) if of.name == "v1" else []
     every = chosen if known else [*scale_of(benchmark), *chosen]
     jobs = jobs_of(benchmark, every, worlds)

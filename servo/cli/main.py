@@ -418,8 +418,8 @@ def papers() -> None:
 def report() -> None:
     """Write an HTML page about folders of results.
 
-    These are folders of run, evaluate, benchmark, papers, sweep and compare; the names loop-v1 and
-    servo-v1 stand for the published results of these benchmarks.
+    These are folders of run, evaluate, benchmark, papers, sweep and compare; the names loop-v1,
+    servo-v1 and goal-v1 stand for the published results of these benchmarks.
     """
 
 

@@ -18,10 +18,10 @@ from typing import Any, final
 import numpy as np
 
 from servo.parts import Task
-from servo.types import Command, Mode, Sight
+from servo.types import CameraImage, Command, Mode, Sight
 from sim.channels import Channel
 from sim.plain_part import config_for, has_methods, plain_config
-from sim.types import Array, Posture
+from sim.types import Array, Image, Posture
 
 Law = Callable[..., Array | Command]
 Act = Callable[..., Array]
@@ -111,17 +111,23 @@ class PolicyLaw:
         self._takes = _asks_for(act)
 
     def start(self, task: Task) -> None:
-        """Begin a run: reset the policy, and store the goal's picture.
+        """Begin a run with the goal's picture and depth of a task.
 
         Raises:
             ValueError: The task has no picture of the goal.
         """
-        if self._reset is not None:
-            self._reset()
         if task.goal.picture is None:
             raise ValueError("there is no picture of the goal: give it to Loop.start as `goal`")
-        self._goal = task.goal.picture
-        self._depth = 1.0 / task.goal.plane.C
+        self.begin(task.goal.picture, 1.0 / task.goal.plane.C)
+
+    def begin(self, goal: CameraImage, depth: float) -> None:
+        """Begin a run with the goal's picture and the believed depth there, on the optical axis
+        [m].
+        """
+        if self._reset is not None:
+            self._reset()
+        self._goal = goal
+        self._depth = depth
         self._first: Posture | None = None
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
@@ -130,11 +136,20 @@ class PolicyLaw:
         """
         if seen is None or seen.picture is None:
             return Command(np.zeros(6), mode=Mode.HOLDING)
-        given: list[object] = [seen.picture.image, self._goal.image, posture]
-        if self._takes > len(given):
+        if self._takes > OF_POLICIES[0]:
             self._first = self._first or posture
-            given[2:] = [self._goal.camera, since(self._first, posture), self._depth]
-        return Command(_floats(self._act(*given[: max(self._takes, OF_POLICIES[0])])))
+            posture = since(self._first, posture)
+        return Command(_floats(self.twist(seen.picture.image, posture)))
+
+    def twist(self, picture: Image, posture: Posture) -> Array:
+        """Return what the policy returns for a picture (H, W, 3): the camera twist (6,) in the
+        camera frame [m/s, rad/s]. A policy with more than three arguments gets the posture as it is
+        given here.
+        """
+        given: list[object] = [picture, self._goal.image, posture]
+        if self._takes > len(given):
+            given[2:] = [self._goal.camera, posture, self._depth]
+        return self._act(*given[: max(self._takes, OF_POLICIES[0])])
 
 
 def since(first: Posture, now: Posture) -> Posture:

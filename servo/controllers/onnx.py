@@ -1,9 +1,9 @@
-"""Controller that runs a learned policy, a network in an ONNX file: pictures and joint positions
-in, the camera twist out.
+"""Controller that runs a learned policy, a network in an ONNX file: pictures, joint positions,
+camera, pose and depth in, the camera twist out.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Timer
@@ -16,14 +16,19 @@ from numpy.typing import NDArray
 
 from servo.controllers._plain_law import SEES_PICTURES, PolicyLaw
 from sim.ranges import File
-from sim.types import Array, Image, Posture
+from sim.types import Array, Camera, Image, Posture
 
 INPUTS: dict[str, tuple[int | str, ...]] = {
     "picture": (1, 3, "height", "width"),
     "goal_picture": (1, 3, "height", "width"),
     "joints": (1, "n"),
+    "camera": (1, 4),
+    "pose": (1, 12),
+    "depth": (1, 1),
 }
 """Inputs that a network may have, and their shapes; a word stands for any number."""
+SINCE_START = frozenset({"camera", "pose", "depth"})
+"""Inputs of a policy that knows its camera; its joints are counted from the first picture."""
 HEAD = re.compile(r"^\[ONNXRuntimeError\] : \d+ : \w+ : ")
 """Matches the beginning of an ONNX Runtime error message: its number and name."""
 EXTRA = "the controller 'onnx' needs ONNX Runtime: pip install 'servobench[onnx]'"
@@ -38,8 +43,12 @@ class Config:
     file: File = ""
     """ONNX file, which ONNX Runtime runs on one core. Its inputs by name, of 32-bit floats: picture
     and goal_picture (1, 3, height, width), red, green and blue from 0 to 1, resized to the
-    network's height and width; joints (1, n) [m or rad]. Each input is optional. Its first output
-    is the camera twist (1, 6) in the camera frame [m/s, rad/s]."""
+    network's height and width; joints (1, n) [m or rad]; camera (1, 4), the believed fx, fy, cx, cy
+    of the pictures before they are resized [px]; pose (1, 12), the rotation by rows and the
+    translation [m] of the camera in the frame of the camera at the first picture; depth (1, 1), the
+    believed one at the goal [m]. Each input is optional. With camera, pose or depth, joints are
+    counted from the first picture. Its first output is the camera twist (1, 6) in the camera frame
+    [m/s, rad/s]."""
     timeout: Annotated[float, Ge(0.1), Le(3600.0)] = 30.0
     """Longest wait for the network's output [s]; a network with a loop may never end."""
     needs = SEES_PICTURES
@@ -49,10 +58,10 @@ class Config:
 
         Raises:
             ValueError: ONNX Runtime is missing, the file cannot be read, or the network has an
-                input other than picture and goal_picture (1, 3, height, width) and joints (1, n),
-                all of 32-bit floats.
+                input other than those of `file`.
         """
-        return PolicyLaw(Network(self.file, self.timeout).act)
+        network = Network(self.file, self.timeout)
+        return PolicyLaw(network.act_by_camera if network.knows_camera else network.act)
 
 
 @final
@@ -94,6 +103,8 @@ class Network:
         self._shapes = {each.name: each.shape for each in self._session.get_inputs()}
         for each in self._session.get_inputs():
             _check_input(file, each.name, each.type, each.shape)
+        self.knows_camera = not SINCE_START.isdisjoint(self._shapes)
+        """Whether the network has an input camera, pose or depth."""
 
     def act(self, picture: Image, goal_picture: Image, posture: Posture) -> Array:
         """Return the first output of the network, the camera twist (6,) in the camera frame [m/s,
@@ -108,7 +119,46 @@ class Network:
             ValueError: An input does not fit the network, such as another number of joints, or the
                 network exceeds the time limit.
         """
-        given = {"picture": picture, "goal_picture": goal_picture, "joints": posture.joints}
+        return self._twist(
+            {"picture": picture, "goal_picture": goal_picture, "joints": posture.joints}
+        )
+
+    def act_by_camera(
+        self, picture: Image, goal_picture: Image, camera: Camera, posture: Posture, depth: float
+    ) -> Array:
+        """Return the first output of a network that knows its camera: the camera twist (6,) in the
+        camera frame [m/s, rad/s]. The network is given those arguments that it has as inputs.
+
+        Args:
+            picture: The camera's RGB picture (H, W, 3) of uint8.
+            goal_picture: The RGB picture (H, W, 3) at the goal.
+            camera: The believed camera, whose fx, fy, cx, cy [px] are used.
+            posture: State of the robot relative to that at the first picture; its joint positions
+                and the camera's pose are used.
+            depth: Believed depth at the goal, on the optical axis [m].
+
+        Raises:
+            ValueError: An input does not fit the network, such as another number of joints, or the
+                network exceeds the time limit.
+        """
+        pose = posture.T_base_camera
+        return self._twist(
+            {
+                "picture": picture,
+                "goal_picture": goal_picture,
+                "joints": posture.joints,
+                "camera": np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
+                "pose": np.concatenate([pose.rotation.ravel(), pose.translation]),
+                "depth": np.array([depth]),
+            }
+        )
+
+    def _twist(self, given: Mapping[str, Array | Image]) -> Array:
+        """Return the network's first output (6,), from the values of its inputs and perhaps others.
+
+        Raises:
+            ValueError: An input does not fit the network, or the network exceeds the time limit.
+        """
         inputs = {name: _filled(given[name], shape) for name, shape in self._shapes.items()}
         options = self._new_options()
         limit = Timer(self._timeout, setattr, (options, "terminate", True))

@@ -13,12 +13,12 @@ Settings = dict[str, object]
 TRAX = "trax:"
 """Begins the command of a program that speaks TraX."""
 PROGRAM = "program:"
-"""Begins the command of a program that speaks lines of JSON."""
+"""Begins the command of a program that speaks lines of JSON: a tracker, or a policy."""
 ONNX = "onnx:"
 """Begins the files of a network: of a tracker of OpenCV, or of a learned control law."""
 NETWORKS = {1: "Vit", 2: "Nano", 3: "DaSiamRPN"}
 """OpenCV's trackers by the number of their network files."""
-DOORS = {"tracker": (PROGRAM, TRAX, ONNX), "controller": (ONNX,)}
+DOORS = {"tracker": (PROGRAM, TRAX, ONNX), "controller": (PROGRAM, ONNX)}
 """Beginnings that a part of a section may have, besides those of kinds and classes."""
 FORMS = {PROGRAM: "'program:COMMAND'", TRAX: "'trax:COMMAND'", ONNX: "onnx:FILE"}
 """What the beginnings stand before, for messages."""
@@ -51,9 +51,9 @@ def settings_of(section: str, what: str) -> Settings:
 
     Args:
         section: The section, such as "tracker" or "controller".
-        what: The part: kind, kind:preset or module:Class; for a tracker also trax:COMMAND,
-            program:COMMAND or onnx:FILE[,FILE[,FILE]], whose number of files selects OpenCV's
-            tracker (1: Vit, 2: Nano, 3: DaSiamRPN), and for a controller onnx:FILE.
+        what: The part: kind, kind:preset, module:Class or program:COMMAND; for a tracker also
+            trax:COMMAND or onnx:FILE[,FILE[,FILE]], whose number of files selects OpenCV's tracker
+            (1: Vit, 2: Nano, 3: DaSiamRPN), and for a controller onnx:FILE.
 
     Raises:
         Mistake: The command or the file is missing, or there are too many files.

@@ -10,6 +10,7 @@ import cv2
 import matplotlib as mpl
 import numpy as np
 
+from servo.bench.audit import errors_file
 from servo.bench.benchmark import NAMES, Band, load
 from servo.bench.row import Row, check_version, file_name, shipped_rows
 from servo.bench.score import standings
@@ -121,6 +122,8 @@ def take(path: Path) -> None:
     folder = FOLDER / "rows" / row.benchmark
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copy(path, folder / file_name(row.contestant))
+    if errors_file(path).exists():
+        shutil.copy(errors_file(path), errors_file(folder / file_name(row.contestant)))
     if row.rendering and not benchmark.rendering:
         frozen = FOLDER / f"{row.benchmark}.json"
         table = json.loads(frozen.read_text()) | {"rendering": row.rendering}

@@ -8,17 +8,17 @@ from collections.abc import Callable
 from sim.installed import plain
 
 
-def serve(name: str, run: Callable[..., None], *, seeded: bool = False) -> None:
-    """Serve the tracker that the command line names until the client ends; exit code 1 for an
-    error, 2 for a wrong command line, 130 for Ctrl-C.
+def serve(module: str, run: Callable[..., None], *, seeded: bool = False) -> None:
+    """Serve the tracker, or other component, that the command line names, until the client ends;
+    exit code 1 for an error, 2 for a wrong command line, 130 for Ctrl-C.
 
     Args:
-        name: The server's module in this package.
-        run: Function that serves a tracker; it gets the tracker's kind, and by name `preset`, the
-            settings and, with `seeded`, `seed`.
+        module: The server's module, such as "tracking.exported.program_server".
+        run: Function that serves a tracker, or another component; it gets its kind, and by name
+            `preset`, the settings and, with `seeded`, `seed`.
         seeded: Whether the command line has an option --seed.
     """
-    parser = argparse.ArgumentParser(prog=f"python -m tracking.exported.{name}")
+    parser = argparse.ArgumentParser(prog=f"python -m {module}")
     parser.add_argument("kind")
     parser.add_argument("settings", nargs="*", help="such as particles=80")
     if seeded:
@@ -34,4 +34,4 @@ def serve(name: str, run: Callable[..., None], *, seeded: bool = False) -> None:
     except KeyboardInterrupt:
         raise SystemExit(130) from None
     except (ValueError, TypeError, OSError) as error:
-        raise SystemExit(f"{name}: {plain(str(error))}") from None
+        raise SystemExit(f"{module.rpartition('.')[2]}: {plain(str(error))}") from None

@@ -84,7 +84,7 @@ def _conversation(
             )
         else:
             _check_keys(asked)
-            yield _answer(served, asked, _picture(requests, asked))
+            yield _answer(served, asked, picture_in(requests, asked))
 
 
 def _check_keys(asked: Mapping[str, Any]) -> None:
@@ -113,7 +113,7 @@ def _answer(served: Served, asked: Mapping[str, Any], image: Image) -> Mapping[s
     return {}
 
 
-def _picture(requests: BinaryIO, asked: Mapping[str, Any]) -> Image:
+def picture_in(requests: BinaryIO, asked: Mapping[str, Any]) -> Image:
     """Read the picture (H, W, 3) that follows a line.
 
     Raises:
@@ -143,4 +143,4 @@ def _words(report: Report) -> Mapping[str, object]:
 
 
 if __name__ == "__main__":
-    serve("program_server", run_program)
+    serve("tracking.exported.program_server", run_program)

@@ -147,4 +147,4 @@ def _answer(region: Array, report: Report) -> Message:
 
 
 if __name__ == "__main__":
-    serve("trax_server", run_trax, seeded=True)
+    serve("tracking.exported.trax_server", run_trax, seeded=True)

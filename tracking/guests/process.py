@@ -78,8 +78,8 @@ class GuestProcess:
         """
         if not command.strip():
             raise ValueError(
-                f"the command of the {name} is empty: set tracker.command, such as "
-                "'python my_tracker.py'"
+                f"the command of the {name} is empty: set it, such as "
+                "command = 'python my_program.py'"
             )
         self.name = f"{name} '{command}'"
         self.folder = Path(tempfile.mkdtemp(prefix="guest-"))

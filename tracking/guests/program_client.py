@@ -15,18 +15,13 @@ The end of its input asks it to end. {"error": "..."} ends the run with that sen
 not begin with "{" are the program's own output.
 """
 
-import json
-from collections.abc import Mapping
-from typing import cast, final
+from typing import final
 
 from sim.types import Frame
 from tracking.guests.boxes import exact_box
-from tracking.guests.process import GuestProcess
+from tracking.guests.json_lines import JsonLines, Line
 from tracking.guests.report import Gives, Report, gives_in, report_in
 from tracking.types import Region, State
-
-Answer = Mapping[str, object]
-"""An answer of a program: an object of JSON."""
 
 
 @final
@@ -49,9 +44,9 @@ class ProgramClient:
             ValueError: The program does not start, sends no line of JSON, reports an error, or
                 declares that it gives something unknown.
         """
-        self._program = GuestProcess("program", command, {})
+        self._program = JsonLines(command)
         self._timeout = timeout
-        answer = self._ask({"seed": seed}, b"", loading)
+        answer = self._program.ask({"seed": seed}, b"", loading)
         self.gives: frozenset[Gives] | None = gives_in(answer.get("gives"), self._program.name)
         """What the program's first line declares that it measures; None: nothing."""
 
@@ -82,36 +77,8 @@ class ProgramClient:
             self._program.end()
             raise
 
-    def _show(self, frame: Frame, more: Answer) -> Answer:
+    def _show(self, frame: Frame, more: Line) -> Line:
         """Send a picture, with more keys of its line, and return the answer."""
         height, width = frame.image.shape[:2]
         line = {"width": width, "height": height, "index": frame.index, "time": frame.time, **more}
-        return self._ask(line, frame.image.tobytes(), self._timeout)
-
-    def _ask(self, line: Answer, picture: bytes, limit: float) -> Answer:
-        """Send a line and the bytes of a picture, and return the answer within a limit [s].
-
-        Raises:
-            ValueError: The program has ended, hangs, answers something else than an object of JSON,
-                or reports an error.
-        """
-        sent = [json.dumps(line).encode() + b"\n", picture]
-        answer = self._program.ask(sent, self._object_in, limit, "a line of JSON")
-        if "error" in answer:
-            self._program.fail(f"refused: {' '.join(str(answer['error']).split())[:200]}")
-        return answer
-
-    def _object_in(self, line: bytes) -> Answer | None:
-        """Return the object of JSON in a line of output; None for other output.
-
-        Raises:
-            ValueError: The line begins with "{" but is no JSON.
-        """
-        if not line.lstrip().startswith(b"{"):
-            return None
-        try:
-            return cast("Answer", json.loads(line))
-        except (ValueError, RecursionError) as error:
-            text = " ".join(line.decode("utf-8", "replace").split())[:80]
-            reason = "too deep" if isinstance(error, RecursionError) else error
-            self._program.fail(f"answered {text}, which is no JSON: {reason}")
+        return self._program.ask(line, frame.image.tobytes(), self._timeout)
