@@ -23,10 +23,9 @@ from sim.types import Array
 from tracking.files.json_text import as_json
 
 FOLDER = "benchmarks"
-NAMES = ("loop-v1", "servo-v1")
-DRAFTS = ("goal-v1",)
-"""Published benchmarks, and those whose conditions may still change: they have development worlds
-only."""
+NAMES = ("loop-v1", "servo-v1", "goal-v1")
+"""Shipped benchmarks. One that has no JSON file yet is a draft, whose conditions may still change:
+it has worlds to tune on only."""
 HASH_DIGITS = 16
 """Of a SHA-256: 64 bits, so that no two editions of a benchmark share them."""
 SEVERITY = "severity"
@@ -70,8 +69,6 @@ class Condition:
     """The settings of a level of a factor: `factors[factor][level]`."""
     size: str | None = None
     """The key in `ranges` whose value measures how large the task is, or "severity"."""
-    worlds: int | None = None
-    """Number of its worlds; None: as many as the benchmark says."""
     severity: tuple[float, float] | None = None
     """Range of a severity that is drawn for each world: each drawn setting is moved to this share
     of its distance from its value in `settings`; None: all are as drawn."""
@@ -151,7 +148,7 @@ class Benchmark:
     the one at the goal."""
     score: Literal["held", "arrives", "reaches"]
     worlds: int
-    """Worlds of a condition, at most."""
+    """Worlds of a condition."""
     seeds: dict[str, int]
     """First seed of each public band."""
     null: Settings
@@ -174,6 +171,11 @@ class Benchmark:
     stand in a table of their own."""
     text: str
     """The file that all of this was read from."""
+
+    @property
+    def is_draft(self) -> bool:
+        """True while the benchmark is not frozen: no settings were written down for it."""
+        return not self.frozen
 
     @cached_property
     def hash(self) -> str:
@@ -243,7 +245,7 @@ class Benchmark:
         a factor occurs equally often, up to rounding (McKay, Beckman and Conover, A comparison of
         three methods for selecting values of input variables, 1979: the Latin hypercube).
         """
-        seeds = self._seeds(condition, band)[: condition.worlds]
+        seeds = self._seeds(condition, band)
         count = len(seeds)
         rng = np.random.default_rng([seeds[0], *condition.name.encode()])
         columns = {key: _spread(rng, count) for key in condition.ranges}
@@ -286,11 +288,11 @@ def load(name: str) -> Benchmark:
     Raises:
         Mistake: There is no benchmark of this name.
     """
-    if name not in (*NAMES, *DRAFTS):
+    if name not in NAMES:
         raise Mistake(unknown(name, NAMES, "benchmark"))
     folder = resources.files("scenes") / FOLDER
     frozen: dict[str, Any] = {"settings": {}, "rendering": ""}
-    if name not in DRAFTS:
+    if (folder / f"{name}.json").is_file():
         frozen = json.loads((folder / f"{name}.json").read_text("utf-8"))
     return parsed(name, (folder / f"{name}.toml").read_text("utf-8"), **frozen)
 
@@ -327,7 +329,6 @@ def parsed(
                 for factor, levels in (table["factors"] | given.get("factors", {})).items()
             },
             given.get("size"),
-            given.get("worlds"),
             given.get("severity") and tuple(given["severity"]),
         )
         for key, given in table["conditions"].items()
