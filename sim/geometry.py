@@ -24,8 +24,8 @@ SMALL_ANGLE = 1e-6
 
 
 def mount_pose(mount: Sequence[float]) -> Pose:
-    """Return the pose with position x, y, z [m] and rotations roll, pitch, yaw [deg] about the
-    fixed x, y and z axes, in this order.
+    """Return the pose that six numbers give: position x, y, z [m], and roll, pitch, yaw [deg], the
+    angles of rotations about the fixed x, y and z axes, made in this order.
     """
     (cr, sr), (cp, sp), (cy, sy) = ((cos(radians(a)), sin(radians(a))) for a in mount[3:])
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
@@ -35,7 +35,9 @@ def mount_pose(mount: Sequence[float]) -> Pose:
 
 
 def skew(w: Array) -> Array:
-    """Return the matrix (3, 3) whose product with a vector p is the cross product w x p."""
+    """Return the matrix (3, 3) whose product with a vector p (3,) is the cross product w x p, for w
+    (3,).
+    """
     x, y, z = w.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
@@ -113,16 +115,16 @@ def half_turn(angle: float) -> float:
 
 
 def tilt(rotation: Array) -> float:
-    """Return the angle [rad] between a camera's optical axis and straight down, from R_world_camera
-    (3, 3).
+    """Return the angle, 0..pi [rad], between a camera's optical axis (its z) and the world's -z
+    (straight down), given the rotation R_world_camera (3, 3).
     """
     axis = rotation[:, 2]
     return float(np.arctan2(np.hypot(axis[0], axis[1]), -axis[2]))
 
 
 def is_rotation(R: Array, tolerance: float) -> bool:
-    """Return whether a matrix (3, 3) of finite numbers is a rotation: its determinant is positive,
-    and no entry of R R^T differs from the identity by more than the tolerance.
+    """Return whether a matrix (3, 3) of finite numbers is a rotation: whether its determinant is
+    positive, and no entry of R R^T - I is larger than `tolerance` in magnitude.
     """
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
     volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
@@ -130,7 +132,7 @@ def is_rotation(R: Array, tolerance: float) -> bool:
 
 
 def is_finite(values: Array) -> bool:
-    """Return whether all numbers of an array are finite."""
+    """Return True if no number of an array is inf or nan."""
     # The sum of squares is one quick call; it is infinite for very large finite numbers, too.
     return isfinite(np.vdot(values, values)) or bool(np.isfinite(values).all())
 
@@ -149,9 +151,11 @@ def inverse(A: Array) -> Array:
 
 
 def inverse_if_strong(A: Array, weakest: float) -> Array | None:
-    """Return the inverse of a square matrix if the inverse's norm proves that no singular value is
-    below `weakest` (each is at least 1 / |A^-1|); None if it does not prove this, or if the matrix
-    is singular. This is faster than a singular value decomposition.
+    """Return the inverse (n, n) of a square matrix if it is certain that no singular value of the
+    matrix is below `weakest`; else, or if the matrix is singular, return None.
+
+    It is certain if 1 / |A^-1|, with the Frobenius norm, is at least `weakest`, because every
+    singular value is at least 1 / |A^-1|. This is faster than a singular value decomposition.
     """
     try:
         plain = inverse(A)

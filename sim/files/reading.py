@@ -1,5 +1,5 @@
-"""Reading of files that a user names, only regular files up to a limit of size, and of the names in
-a folder.
+"""Reading of files that a user names: only regular files up to a size limit are read. Also a sorted
+list of the names in a folder.
 """
 
 import re
@@ -18,11 +18,12 @@ KINDS = {
 
 
 def opened(path: Path, what: str) -> BinaryIO:
-    """Open a regular file to read its bytes; a pipe or a device is refused before it is opened.
+    """Open a regular file and return it, to be read as bytes; a pipe or a device is refused before
+    it is opened.
 
     Args:
         path: Path of the file; links are followed.
-        what: Kind of the file in messages, such as "truth".
+        what: Kind of the file for error messages, such as "picture".
 
     Raises:
         ValueError: The file cannot be read, or is not a regular file.
@@ -82,8 +83,8 @@ def text(path: Path, what: str, most: int) -> str:
 
 
 def names(folder: Path) -> list[Path]:
-    """Return the paths in a folder sorted by name; numbers in names count by their value, 9.png
-    before 10.png.
+    """Return the paths of all files and folders directly in a folder, sorted by name; numbers in
+    names count by their value, so that 9.png comes before 10.png.
 
     Raises:
         ValueError: There is no such folder, or it cannot be read.
