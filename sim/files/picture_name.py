@@ -18,7 +18,7 @@ def picture_named(name: str, folder: str, setting: str) -> Image:
     Args:
         name: A path, the bare name of a shipped picture, or `skimage:NAME` for a picture of
             scikit-image.
-        folder: Folder of the shipped pictures in the package `scenes`, such as "ground".
+        folder: Folder of the shipped pictures in the package `scenes`, such as "grounds".
         setting: Name of the setting, for error messages.
 
     Raises:
