@@ -6,7 +6,7 @@ Each shipped scenario has an id, such as `servobench/Arm7Line-v0` for arm7_line;
 | choice | meaning |
 |---|---|
 | observation | "features" (errors, rates, twist, last action, seen), "picture", or "both" |
-| action | "twist" of the camera in place of the law's, or a "residual" that is added to it |
+| action | "twist" of the camera in place of the control law's, or a "residual" added to it |
 | reward | 1 / (1 + d / 10 px), d the mean distance of the target's true corners from their goals |
 | info["reward_terms"] | what d is the mean of: the four distances, `corner_1_px` to `corner_4_px` |
 | terminated | the tracker has lost the target, or its true centre has left the camera's view |

@@ -53,7 +53,7 @@ GROUPS = "servobench."
 @functools.cache  # looking through 130 packages takes 3 ms
 def entries() -> tuple[Installed, ...]:
     """Return the components (trackers, controllers, ...) that all installed packages add by entry
-    points in a group "servobench....".
+    points, whose groups begin with "servobench.".
 
     A package with damaged metadata is skipped, while `importlib.metadata.entry_points` would fail
     for all. Entry points with control characters are skipped too. Of two packages with the same

@@ -54,7 +54,8 @@ class PartConfig(Protocol[Thing]):
     """
 
     def build(self, rng: np.random.Generator) -> Thing:
-        """Return a new component, such as a tracker, with these settings; called once for each run.
+        """Return a new component, such as a tracker, with these settings; called before a run
+        begins.
 
         Args:
             rng: Source of all random numbers of the component: the same seed gives the same run.
@@ -228,10 +229,10 @@ class Kinds(Generic[Config]):
         return getattr(importlib.import_module(config.__module__) if own else config, "PRESETS", {})
 
     def named(self, text: str) -> dict[str, str]:
-        """Return the table of a scenario that a short text stands for: {"kind": "kind"} for "kind",
-        and {"kind": "kind", "preset": "preset"} for "kind:preset". The kind may be "package:kind"
-        for an installed package's, or "module:Name" for a class to import; it is returned as
-        `Trusted`.
+        """Return the table of a scenario that a short text stands for: {"kind": "kams"} for "kams",
+        and {"kind": "kams", "preset": "paper"} for "kams:paper". The kind may also be
+        "package:kind" for an installed package's, or "module:Name" for a class to import; it is
+        returned as `Trusted`.
         """
         kind, *rest = text.split(":")
         if kind and rest and kind not in self.names():

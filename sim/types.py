@@ -286,10 +286,10 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """The combined effect of all disturbances at one time: factors on image and lamp brightness, a
-    spot light (None: off), the board's sideways distance from the line of sight [m] (None: no
-    board), the pose T_world_target of a second target (None: absent), and whether the camera drops
-    the frame.
+    """The combined effect of all disturbances at one time: factors on image and lamp brightness; a
+    spot light (None: off); the sideways distance [m] of a board from the line of sight to the
+    target (None: no board); the pose T_world_target of a second target (None: absent); and whether
+    the camera drops the frame.
     """
 
     gain: float = 1.0

@@ -91,7 +91,7 @@ class Renderer(Protocol):
         ...
 
     def close(self) -> None:
-        """Release the buffers that the renderer holds; called once, when the simulation ends."""
+        """Release the buffers that the renderer holds; called when the simulation ends."""
 
 
 MakeRenderer = Callable[[mujoco.MjModel, str, Camera], Renderer]

@@ -43,8 +43,8 @@ def folders_above(model: Path) -> list[Path]:
 
 def package_folder(model: Path, package: str, inside: str) -> Path | None:
     """Return the folder of the ROS package called `package` that contains the file `inside` (a
-    relative path), near a model file; None if there is none. A package's name is that in its
-    package.xml, or else the folder's name.
+    relative path), near a model file; None if there is none. Folders whose package.xml gives this
+    name come first, then those that are themselves called so.
 
     Searched are the folders above the model, the places in each of them where the package may lie
     or be installed, and all folders up to two levels below the nearest four of them.

@@ -53,7 +53,7 @@ def mend(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> muj
 
     Args:
         spec: The model, which is changed.
-        path: The model's file, beside which meshes and textures are searched for.
+        path: The model's file, around which meshes and textures are searched for.
         mended: Record to which the repairs are added.
         whole: True: leave nothing out, so that MuJoCo refuses a model with a shape or texture that
             cannot be repaired.

@@ -19,8 +19,8 @@ is gone."""
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Return the compiled MuJoCo model of a specification, which is not changed in content;
-    warnings of MuJoCo are ignored, and its log is switched off.
+    """Return the compiled model of a MuJoCo specification; warnings of MuJoCo are ignored, and its
+    log is switched off.
 
     MuJoCo warns where the options of an attached model differ from those of the room, which are
     used.
@@ -34,8 +34,8 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def said_by_mujoco(error: Exception) -> str:
-    """Return the message of an error from MuJoCo's compiler on one line, without a leading
-    "Error:", to be part of a sentence.
+    """Return the message of an error from MuJoCo's compiler on one line, without "Error:" or "XML
+    Error:" at its begin, to be part of a sentence.
     """
     lines = (line for line in str(error).splitlines() if line)
     return ", ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")

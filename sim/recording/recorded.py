@@ -131,8 +131,8 @@ class RecordingSettings(Protocol):
     """
 
     def renderer(self) -> MakeRenderer | None:
-        """Return a function that makes the renderer of a camera which turns inside the recording,
-        called when a run's simulation is built; None if the run uses no recording.
+        """Return a function that makes the renderer of a camera which turns inside the recording;
+        None if the run uses no recording. Called when a run is built, before its first picture.
         """
         ...
 
