@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 
 
 class NamesFile:
-    """Mark in the annotated type of a setting: its text names a file."""
+    """Marker in the `Annotated` type of a setting: the setting's text is the name of a file."""
 
 
 File = Annotated[str, NamesFile()]
@@ -17,7 +17,9 @@ identifies the file by its content, too."""
 
 
 class NamesFolder(NamesFile):
-    """Mark in the annotated type of a setting: its text names a file or a folder."""
+    """Marker in the `Annotated` type of a setting: the setting's text is the name of a file or a
+    folder.
+    """
 
 
 FileOrFolder = Annotated[str, NamesFolder()]

@@ -184,8 +184,9 @@ class Posture:
         self, asked: Array | None, under_way: tuple[tuple[Array, float], ...] | None = None
     ) -> Posture:
         """Return a copy of this posture with other commanded twists: `asked`, the mean (6,) since
-        the last frame, and `under_way`, the twists (6,) that have not acted yet, each with its
-        duration [s].
+        the last frame (None: the last command), and `under_way`, the twists (6,) that have not
+        acted yet, each with its duration [s] (None: the commands that have not acted, a frame
+        interval each).
         """
         return Posture(  # `replace` takes four times as long
             self.T_base_camera,

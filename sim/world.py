@@ -273,11 +273,12 @@ class World:
 
     def step(self, twists: Array) -> tuple[str, ...]:
         """Simulate one frame interval, until the time of the next frame; return the joints whose
-        limits changed the commanded camera twist, such as "elbow (range)".
+        limits changed the commanded camera twist, each with the limit's kind, such as "elbow
+        (range)" or "elbow (speed)".
 
         Args:
             twists: Commanded camera twist (6,) in the camera frame [m/s, rad/s], or one for each of
-                the `ticks` (n, 6).
+                the n updates of the drives in the frame interval (n, 6), whose times are `ticks`.
 
         Raises:
             Unstable: The simulated physics diverged.

@@ -226,8 +226,9 @@ def _names() -> str:
 
 
 def finish() -> None:
-    """On Linux, wait until OpenGL has drawn everything. Other Python threads run meanwhile, which
-    would stand still if MuJoCo's reading of the pixels waited. On other systems, do nothing.
+    """On Linux, wait until OpenGL has drawn everything, while other Python threads can run;
+    MuJoCo's reading of pixels would wait for this too, but stop these threads. On other systems, do
+    nothing.
     """
     if sys.platform == "linux":
         _opengl().glFinish()

@@ -130,8 +130,8 @@ class _Beside:
 
 
 def trimesh() -> ModuleType:
-    """Import the package trimesh, at the first call because that takes half a second, and return
-    it.
+    """Import the package trimesh and return it; it is imported only when needed, which takes half a
+    second.
     """
     return importlib.import_module("trimesh")
 
