@@ -1,9 +1,9 @@
 """Channels: data that a component of a run may use besides the arguments of its methods.
 
 The `Config` of a component (tracker, estimator, controller, ...) declares its channels: `needs =
-frozenset({Channel.TRUTH})`. It receives them by its method `see(view)`, which is called before the
-other methods that work on a picture; the `View` holds the declared channels only. The goal's
-picture and the ego motion are given to controllers and trackers as arguments instead.
+frozenset({Channel.TRUTH})`. The component receives their data by its method `see(view)`, which is
+called before its other methods that work on a picture; the `View` holds the declared channels only.
+The goal's picture and the ego motion are given to controllers and trackers as arguments instead.
 """
 
 from dataclasses import dataclass

@@ -63,7 +63,7 @@ def log_so3(R: Array) -> Array:
 
 
 def angle_of(R: Array) -> float:
-    """Return the angle 0..pi [rad] of a rotation matrix (3, 3).
+    """Return the rotation angle, 0..pi [rad], of a rotation matrix (3, 3).
 
     >>> round(angle_of(exp_so3(np.array([0.0, 0.0, 0.5]))), 6)
     0.5
@@ -83,23 +83,25 @@ def _left_jacobian(w: Array) -> Array:
 
 
 def exp_se3(xi: Array) -> Pose:
-    """Return the pose T_before_after of a frame that moves for 1 s with a constant twist xi (6,)
-    [m/s, rad/s], given in the moving frame.
+    """Return the pose T_before_after of a frame that moves for 1 s with the constant twist xi (6,):
+    linear velocity [m/s], then angular velocity [rad/s], both in the moving frame.
     """
     return Pose(exp_so3(xi[3:]), _left_jacobian(xi[3:]) @ xi[:3])
 
 
 def adjoint(T_a_b: Pose) -> Array:
-    """Return the matrix (6, 6) that converts a rigid body's twist (v, w) in frame b to its twist in
-    frame a; v is the velocity of the body at the frame's origin.
+    """Return the matrix (6, 6) that converts the twist (v, w) of a rigid body in frame b to its
+    twist in frame a. In either frame v [m/s] is the velocity of the body's point at the frame's
+    origin, and w [rad/s] its angular velocity.
     """
     R = T_a_b.rotation
     return np.block([[R, skew(T_a_b.translation) @ R], [np.zeros((3, 3)), R]])
 
 
 def log_se3(pose: Pose) -> Array:
-    """Return the constant twist (6,) [m/s, rad/s], in the moving frame, that makes a pose
-    T_before_after, with a rotation below pi, in 1 s; the inverse of `exp_se3`.
+    """Return the constant twist (6,), linear velocity [m/s], then angular velocity [rad/s], both in
+    the moving frame, with which a frame moves by the pose T_before_after in 1 s. It is the inverse
+    of `exp_se3`, and needs a rotation of less than pi.
     """
     w = log_so3(pose.rotation)
     t = pose.translation
@@ -110,7 +112,9 @@ def log_se3(pose: Pose) -> Array:
 
 
 def half_turn(angle: float) -> float:
-    """Return an angle [rad] wrapped to (-pi/2, pi/2], for shapes with a symmetry of 180 deg."""
+    """Return an angle [rad] shifted by a multiple of pi into (-pi/2, pi/2]: the direction of a
+    shape that looks the same after a half turn.
+    """
     return np.pi / 2 - (np.pi / 2 - angle) % np.pi
 
 

@@ -65,8 +65,8 @@ class PartConfig(Protocol[Thing]):
 
 @runtime_checkable
 class KeptOutOfFiles(Protocol):
-    """Settings of which some may be given only on the command line or in Python, such as a command
-    to start.
+    """Settings of a component of which some may be given only on the command line or in Python, not
+    by a scenario's file, such as a command to start.
     """
 
     @property

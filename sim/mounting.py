@@ -66,14 +66,14 @@ class CameraInHand:
         placement.check_above_table(eye)
 
     def eye(self, hand: Pose) -> Pose:
-        """Return T_world_camera for a hand at T_world_hand: the same pose, because the camera is
-        the hand.
+        """Return the camera's pose T_world_camera, given the hand's pose T_world_hand: the same
+        pose, because the camera is the hand.
         """
         return hand
 
     def hand(self, eye: Pose) -> Pose:
-        """Return T_world_hand for a camera at T_world_camera: the same pose, because the camera is
-        the hand.
+        """Return the hand's pose T_world_hand, given the camera's pose T_world_camera: the same
+        pose, because the camera is the hand.
         """
         return eye
 

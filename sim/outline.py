@@ -38,12 +38,12 @@ class Outline:
 
     @property
     def height(self) -> float:
-        """Height of the rectangle over the table, z in the target's frame [m]."""
+        """Height of the rectangle over the table [m]: z of its corners in the target's frame."""
         return float(self.corners[0, 2])
 
     @property
     def area(self) -> float:
-        """Area of the rectangle [m^2]."""
+        """Area of the rectangle [m^2]: length times width."""
         return self.length * self.width
 
 

@@ -1,5 +1,5 @@
 """Projection of the target into the picture, camera poses that give a desired projection, and
-checks that a camera pose is possible.
+checks of camera poses (above the table, in front of the target).
 """
 
 from math import atan2, cos, sin, sqrt

@@ -48,8 +48,8 @@ class Motion(Protocol):
 
 
 class Disturbance(Protocol):
-    """A change of light, of what is in view (a board, a second target) or of frame delivery, as a
-    function of time alone.
+    """A change of light, of what the camera sees (a board, a second target) or of frame delivery,
+    as a function of time alone; any class with `props` and `at` is a disturbance.
 
     `at` returns what the disturbance changes at a time of the run, and `Effect()` while it changes
     nothing; `props` names what it needs in the scene: "second_target", or "spot" (a spot light).

@@ -1,4 +1,6 @@
-"""Timing of physics, drives and exposures, counted in physics steps of a frame interval."""
+"""Timing of a simulation: how many physics steps a frame interval has, and at which of them the
+drives are updated and the pictures of an exposure are rendered.
+"""
 
 from dataclasses import dataclass
 from math import ceil

@@ -77,8 +77,8 @@ class Camera:
         return bent * (self.fx, self.fy) + (self.cx, self.cy)
 
     def project(self, points: Array) -> Array:
-        """Return the pixels (..., 2) [px] of points (..., 3) in the camera frame [m], which have to
-        be in front of the camera: this is not checked.
+        """Return the pixels (..., 2) [px] at which the camera sees points (..., 3), given in the
+        camera frame [m]. The points have to be in front of the camera; this is not checked.
         """
         return self.to_pixels(points[..., :2] / points[..., 2:])
 
@@ -134,8 +134,8 @@ class Pose:
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 
     def apply(self, points: Array) -> Array:
-        """Return the coordinates in frame a of points (..., 3) [m] given in frame b, for a pose
-        T_a_b.
+        """Take points from one frame to another: for a pose T_a_b, return the coordinates (..., 3)
+        [m] in frame a of points given by their coordinates (..., 3) [m] in frame b.
         """
         return points @ self.rotation.T + self.translation
 
@@ -239,11 +239,14 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """The exact pose of the target at the time of one frame, and the projection of its reference
-    rectangle into the image: centre and corners [px], direction theta of the nose, from +u towards
-    +v [rad], and size, the root of image area over metric area [px/m]. The corners (4, 2) are those
-    of the rear left, front left, front right and rear right, with the nose ahead. `visible` is the
-    fraction of the silhouette in the picture that is not hidden (None: not measured).
+    """The exact pose of the target at the time of one frame, and the projection into the image of
+    its reference rectangle, which stands for it in measurements and control: centre (2,) [px];
+    corners (4, 2) [px], in the order rear left, front left, front right, rear right (the nose is in
+    front); direction theta of the nose, from +u towards +v [rad]; and size, the square root of
+    image area over metric area [px/m].
+
+    `visible` is the fraction of the target's silhouette in the picture that other bodies do not
+    hide; None if it was not measured.
     """
 
     centre: Array

@@ -408,8 +408,8 @@ class World:
 
     @property
     def moving(self) -> tuple[str, ...]:
-        """Names of all bodies of the scene except the fixed world body, in the order of
-        `bodies`.
+        """Names of all bodies of the scene except the fixed world body, those that never move
+        included, in the order of the method `bodies`.
         """
         return tuple(self.model.body(i).name for i in range(1, self.model.nbody))
 

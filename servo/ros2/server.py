@@ -1,4 +1,6 @@
-"""A simulated camera and robot for an external controller in ROS 2, in real time."""
+"""A simulated camera and robot in ROS 2, which a controller in another process drives in real
+time.
+"""
 
 import sys
 import time
@@ -105,7 +107,7 @@ class Server:
         """Do nothing at the end of a run: the topics end with the process."""
 
     def abandon(self) -> None:
-        """Do nothing when a run ends with an error: the topics end with the process."""
+        """Do nothing; called when a run ends with an error. The topics end with the process."""
 
     def _listen(self) -> bool:
         """Read the newest twist; return True if there is one and it is valid.

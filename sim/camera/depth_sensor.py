@@ -1,4 +1,4 @@
-"""A simulated depth sensor: range limits, noise and holes are added to exact depth pictures."""
+"""A simulated depth sensor, which gives exact depth pictures a limited range, noise and holes."""
 
 from typing import final
 

@@ -112,11 +112,12 @@ def is_there() -> bool:
 
 
 def check_environment() -> None:
-    """Check the value of MUJOCO_GL before MuJoCo is imported, and remove PYOPENGL_PLATFORM from the
-    environment.
+    """Check the environment variable MUJOCO_GL, and remove the variable PYOPENGL_PLATFORM; to be
+    called before MuJoCo is imported.
 
     Raises:
-        NoRenderer: MUJOCO_GL names a back end that does not exist, or is not on this machine.
+        NoRenderer: MUJOCO_GL names an OpenGL back end that does not exist, or whose libraries are
+            missing on this machine.
     """
     asked = _asked()
     if asked not in KNOWN:
@@ -200,7 +201,8 @@ def _make_context(name: str) -> None:
 
 
 def describe() -> str:
-    """Return the name and version of the OpenGL driver, as the driver reports them.
+    """Return the OpenGL renderer's name and the OpenGL version as one text, "NAME, VERSION", as the
+    driver reports them.
 
     Raises:
         NoRenderer: This machine has no OpenGL, or rendering is switched off.

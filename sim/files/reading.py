@@ -39,12 +39,12 @@ def opened(path: Path, what: str) -> BinaryIO:
 
 
 def content(path: Path, what: str, most: int) -> bytes:
-    """Return the bytes of a regular file.
+    """Return the content of a regular file as bytes.
 
     Args:
-        path: Path of the file.
-        what: Kind of the file in messages, such as "truth".
-        most: Largest size [bytes].
+        path: Path of the file; links are followed.
+        what: Kind of the file for error messages, such as "picture".
+        most: Largest size of the file [bytes].
 
     Raises:
         ValueError: The file cannot be read, is not a regular file, or is larger than `most`.
@@ -65,9 +65,9 @@ def text(path: Path, what: str, most: int) -> str:
     """Return the text of a regular UTF-8 file, without a byte order mark.
 
     Args:
-        path: Path of the file.
-        what: Kind of the file in messages, such as "truth".
-        most: Largest size [bytes].
+        path: Path of the file; links are followed.
+        what: Kind of the file for error messages, such as "scenario".
+        most: Largest size of the file [bytes].
 
     Raises:
         ValueError: The file cannot be read, is not a regular file, is larger than `most`, or is not

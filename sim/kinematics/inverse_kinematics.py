@@ -1,8 +1,8 @@
 """Inverse kinematics: joint positions with which the camera takes a pose.
 
-They are found from the robot's homes by a damped iteration, else from many places by quadratic
-programs with the limits of the joints (mink), and where these find none by least squares in a trust
-region from the same places.
+The search begins at the robot's home positions, with damped Newton steps. If these find no
+solution, quadratic programs that keep the limits of the joints (mink) begin there and at many
+random positions; if they fail too, least squares in a trust region begin at the same positions.
 """
 
 import importlib

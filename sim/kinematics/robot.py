@@ -274,7 +274,7 @@ class Robot:
 
     @property
     def has_ranges(self) -> bool:
-        """True if at least one joint has a limited range."""
+        """True if the position of at least one joint has limits."""
         return bool(self._limited.any())
 
     def servos(self) -> Array:

@@ -1,4 +1,4 @@
-"""Triangles and materials of a mesh file, read by trimesh."""
+"""Reading of the triangles and materials in a mesh file, by the package trimesh."""
 
 import contextlib
 import importlib

@@ -1,4 +1,6 @@
-"""A recording with the target's true outlines as the motion of a flat target in the room."""
+"""A recording of a real scene, and its target as a flat target in the simulated room, whose motion
+follows from the target's true outlines in the recording.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

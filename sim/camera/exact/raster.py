@@ -154,7 +154,8 @@ def may_cover(corners: Array, height: int, width: int) -> bool:
 @compiled(error_model="numpy")
 def gradients(corners: Array, count: int, found: Array) -> None:
     """Compute how 1 / z, and colour and texture coordinates divided by z, change from pixel to
-    pixel in a triangle; all are linear in the picture (perspective-correct interpolation).
+    pixel in a triangle, and write the result into `found`. All of them are linear in the picture
+    (perspective-correct interpolation).
 
     Args:
         corners: The triangle's corners (3, 11), projected by `project`.
@@ -546,8 +547,8 @@ def draw(
         rows: Corners: position [m], normal and texture coordinates in the body's frame (r, 8).
         first_face: First triangle of each body in `faces`, and the number of triangles (n + 1,).
         faces: Rows of the corners of each triangle (f, 3).
-        planes: Normal and distance of each triangle's plane in the body's frame, times twice its
-            area (f, 4).
+        planes: Normal and distance of each triangle's plane in the body's frame, both multiplied by
+            twice the triangle's area (f, 4).
         rotations: R_camera_body of each body (n, 3, 3).
         middles: Origin of each body in the camera's frame (n, 3) [m].
         radii: Radius of each body around its origin (n,) [m].
