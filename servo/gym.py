@@ -6,7 +6,7 @@ Each shipped scenario has an id, such as `servobench/Arm7Line-v0` for arm7_line;
 | choice | meaning |
 |---|---|
 | observation | "features" (errors, rates, twist, last action, seen), "picture", or "both" |
-| action | "twist" of the camera in place of the law's, or a "residual" that is added to it |
+| action | "twist" of the camera in place of the control law's, or a "residual" added to it |
 | reward | 1 / (1 + d / 10 px), d the mean distance of the target's true corners from their goals |
 | info["reward_terms"] | what d is the mean of: the four distances, `corner_1_px` to `corner_4_px` |
 | terminated | the tracker has lost the target, or its true centre has left the camera's view |
@@ -68,9 +68,9 @@ LEVEL_DOF = [0, 1, 2, 5]
 
 
 class ServoEnv(gymnasium.Env[Any, Any]):
-    """Gymnasium environment of a scenario: an action is a camera twist, or is added to the twist of
-    the scenario's control law; the reward is largest while the target is at its goal in the
-    picture.
+    """Gymnasium environment of a scenario. An action, -1 to 1, is a camera twist or is added to the
+    twist of the scenario's control law; the reward, 0 to 1, is 1 while the target is exactly at its
+    goal in the picture.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 30}  # noqa: RUF012
@@ -159,7 +159,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self, *, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """End the last run, begin a new one, and return its first observation. If the start is
-        impossible in a scenario that depends on the seed, up to `redraw` further seeds are tried.
+        impossible (such as out of an arm's reach) and the scenario depends on the seed, up to
+        `redraw` further seeds are tried.
 
         Args:
             seed: Seed of the scenario, 0 for the scenario as it is written; None: a drawn one. It
@@ -242,15 +243,19 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, object]]:
         """Move the camera until the next picture, by the action or, with action="residual", by the
-        law's twist plus the action, and return the observation of that picture. A run that is
-        terminated or truncated is closed.
+        control law's twist plus the action, and return the observation of that picture. A run that
+        is terminated or truncated is closed.
 
         Args:
-            action: Components `dof` (n,) of the camera's twist, each divided by the speed that
-                `reach` gives; values are clipped to -1..1.
+            action: The components (n,) of the camera's twist that `dof` names, each divided by the
+                speed that `reach` gives; values are clipped to -1..1.
 
         Returns:
-            Observation, reward, terminated, truncated and info.
+            Observation; reward 1 / (1 + d / 10 px), where d is the mean distance [px] of the
+            target's true corners from their goals; terminated, True if the tracker has lost the
+            target or its true centre is out of the picture; truncated, True if the scenario's
+            duration is over and the run is not terminated; and info, with the time [s], d as
+            "distance_px", the tracker's status, the commanded twist, joint positions and poses.
 
         Raises:
             Mistake: No run has begun, it is over, or the action is not n finite numbers.
@@ -274,8 +279,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
     @property
     def frames(self) -> int:
-        """Number of pictures of the run that `reset` began last; before the first one, of the
-        scenario as it was loaded. The number of steps is one less.
+        """Number of pictures of the run that `reset` began last, or, before the first `reset`, of
+        the scenario as it was loaded. A complete run has one step less than pictures.
         """
         return self._frames
 
@@ -351,9 +356,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return self._error
 
     def render(self) -> Image | None:
-        """Return the current picture, RGB (h, w, 3), enlarged to about 640 px wide, with a line of
-        text and the outlines of truth (white), goal (red) and estimate (its colour shows the
-        status); None unless the render mode is "rgb_array".
+        """Return the current picture, RGB, uint8 (h, w, 3), enlarged to about 640 px wide, with a
+        line of text and the outlines of the target: true (white), at the goal (red) and tracked
+        (its colour shows the tracker's status). Return None unless the render mode is "rgb_array".
         """
         return annotated(self._now) if self.render_mode == "rgb_array" else None
 
@@ -363,7 +368,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self._episode = None
 
     def close(self) -> None:
-        """End the run, and close its renderer and the window."""
+        """End the run, if there is one, and close its renderer and the window of render mode
+        "human".
+        """
         self._end()
         if self._window is not None:
             self._window.close()
@@ -379,7 +386,7 @@ def _matrix(pose: Pose) -> Array:
 
 
 def environment_id(scenario: str) -> str:
-    """Return the id of a shipped scenario's environment.
+    """Return the Gymnasium id of the environment of a shipped scenario, given the scenario's name.
 
     >>> environment_id("arm7_line")
     'servobench/Arm7Line-v0'

@@ -1,4 +1,4 @@
-"""Environments of one scenario in one process, as a vector environment of Gymnasium.
+"""Several environments of one scenario in one process, as a vector environment of Gymnasium.
 
     envs = gymnasium.make_vec(
         "servo.gym:servobench/Line-v0", num_envs=64, vectorization_mode="vector_entry_point"
@@ -24,9 +24,9 @@ from sim.types import Array, Image
 
 
 class ServoVectorEnv(VectorEnv[Any, Any, Any]):
-    """Vector environment of a scenario, whose n environments run one after the other. One that is
-    over begins a new run in the next step, which ignores its action and has the reward 0
-    (Gymnasium's AutoresetMode.NEXT_STEP).
+    """Vector environment of a scenario, whose n environments run one after the other. Where a run
+    is over, the next step ignores the action of this environment, begins a new run with a drawn
+    seed and has the reward 0 (Gymnasium's AutoresetMode.NEXT_STEP).
     """
 
     def __init__(self, num_envs: int = 1, **settings: Any) -> None:
@@ -59,16 +59,20 @@ class ServoVectorEnv(VectorEnv[Any, Any, Any]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, object] | None = None,
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin a new run in each environment, and return the first observations and the infos.
+        """Begin a new run in each of the n environments, and return their first observations and
+        infos.
 
         Args:
-            seed: A seed for each environment; or that of the first, with one more for each next
-                one; None: drawn ones.
+            seed: A seed for each environment; or one number s, for the seeds s, s + 1, ...; None:
+                drawn seeds.
             options: Settings for these runs only, as for `ServoEnv.reset`.
 
+        Returns:
+            The observations, stacked (n, ...); and the infos: an array (n, ...) for each key, and
+            as "_key" a mask (n,) of the environments that have it.
+
         Raises:
-            Mistake: There is another number of seeds than n, or `ServoEnv.reset` refuses an
-                argument.
+            Mistake: The number of seeds is not n, or `ServoEnv.reset` refuses an argument.
         """
         if seed is None or isinstance(seed, int):
             seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
@@ -83,16 +87,20 @@ class ServoVectorEnv(VectorEnv[Any, Any, Any]):
     def step(
         self, actions: Array
     ) -> tuple[Observation, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Make a step in each environment; where a run was over, begin a new one instead.
+        """Make a step in each of the n environments; where the run is over, begin a new one
+        instead, with the reward 0.
 
         Args:
-            actions: Actions (n, k), as for `ServoEnv.step`.
+            actions: Actions (n, k), one row of k twist components for each environment, as for
+                `ServoEnv.step`.
 
         Returns:
-            Observations, rewards (n,), terminated (n,), truncated (n,) and infos.
+            Observations, stacked (n, ...); rewards (n,); terminated (n,); truncated (n,); and the
+            infos: an array (n, ...) for each key, and as "_key" a mask (n,) of the environments
+            that have it.
 
         Raises:
-            Mistake: There is another number of actions than n, or `ServoEnv.step` refuses one.
+            Mistake: The number of actions is not n, or `ServoEnv.step` refuses one.
         """
         self._check_count("step", len(actions))
         rewards = np.zeros(self.num_envs)
@@ -111,14 +119,17 @@ class ServoVectorEnv(VectorEnv[Any, Any, Any]):
         return self._batch(seen), rewards, terminated, truncated, self._infos(infos)
 
     def render(self) -> tuple[Image, ...] | None:
-        """Return the pictures of all environments, as `ServoEnv.render` does; None unless the
-        render mode is "rgb_array".
+        """Return the current pictures of all environments, each as `ServoEnv.render` returns it:
+        RGB (h, w, 3) with the outlines of the target. Return None unless the render mode is
+        "rgb_array".
         """
         pictures = [env.render() for env in self.envs]
         return tuple(each for each in pictures if each is not None) or None
 
     def close_extras(self, **_: object) -> None:
-        """End all runs."""
+        """End the runs of all environments, and close their renderers; Gymnasium's `close` calls
+        it.
+        """
         for env in self.envs:
             env.close()
 

@@ -1,9 +1,9 @@
 """Channels: data that a component of a run may use besides the arguments of its methods.
 
 The `Config` of a component (tracker, estimator, controller, ...) declares its channels: `needs =
-frozenset({Channel.TRUTH})`. It receives them by its method `see(view)`, which is called before the
-other methods that work on a picture; the `View` holds the declared channels only. The goal's
-picture and the ego motion are given to controllers and trackers as arguments instead.
+frozenset({Channel.TRUTH})`. The component receives their data by its method `see(view)`, which is
+called before its other methods that work on a picture; the `View` holds the declared channels only.
+The goal's picture and the ego motion are given to controllers and trackers as arguments instead.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,9 @@ from sim.types import Array, DepthPicture, Frame, Image, Truth
 
 
 class Channel(Enum):
-    """Data that a component (tracker, law, estimator) may ask for; the value describes it."""
+    """Data that a component (tracker, controller, estimator) of a run may ask for, besides the
+    arguments of its methods; a member's value describes the data.
+    """
 
     PICTURE = "The picture of the camera."
     DEPTH = "The depth picture of the camera."
@@ -32,13 +34,14 @@ Channels = frozenset[Channel]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """Data of one picture for a component (tracker, estimator, controller); None stands for data
-    that the component's settings do not declare in `needs`, or that are unknown.
+    """Data of one picture that a component (tracker, estimator, controller) may use. A field is
+    None if the component's settings do not declare its channel in `needs`, or if its value is
+    unknown.
 
-    Besides the RGB picture (H, W, 3) and depths along the optical axis (H, W) [m] these are the
-    target's exact state in the picture (`truth`), the rate (k,) [1/s] at which its own motion
-    changes the k scaled features of the control law (`true_motion`, a mean over the time in which
-    the next command acts), and whether the target is seen.
+    The fields are the RGB picture (H, W, 3); depths along the optical axis (H, W) [m]; the target's
+    exact pose and projection (`truth`); the rate of change (k,) [1/s] of the k features of visual
+    servoing, divided by `FeatureSet.scales`, that the target's own motion causes while the next
+    command acts (`true_motion`, a mean over this time); and whether the target is seen.
     """
 
     picture: Image | None = None
@@ -62,8 +65,8 @@ class View:
         true_motion: Array | None = None,
         seen: bool | None = None,
     ) -> "View":
-        """Return a component's view of a frame: those data whose channels are in `needs`, and None
-        for the others and for what is not given.
+        """Return a component's view of a frame: the data whose channels are in `needs`. All other
+        fields, and those that are not given, are None.
         """
         return View(
             picture=frame.image if Channel.PICTURE in needs else None,
@@ -80,26 +83,33 @@ VIEWED = frozenset({Channel.TRUTH, Channel.TRUE_MOTION, Channel.SEEN})
 
 @runtime_checkable
 class Sees(Protocol):
-    """A component with a method `see`, which is given the data (channels) that the component's
-    settings declare in `needs`, such as the target's true pose.
+    """A component (tracker, controller, estimator) that wants data besides the arguments of its
+    methods, such as the target's true pose. Its settings declare the data (channels) in `needs`;
+    its method `see` receives them.
     """
 
     def see(self, view: View) -> None:
-        """Receive the declared channels of the next picture, before any method that works on it."""
+        """Receive the data that the component's settings declare in `needs`; called once for each
+        picture, before the component's other methods that work on this picture.
+        """
 
 
 @runtime_checkable
 class Declares(Protocol):
-    """Settings of a component that declare, in `needs`, the channels that it uses."""
+    """Settings of a component (tracker, controller, estimator) that declare, in `needs`, which data
+    it uses besides the arguments of its methods.
+    """
 
     @property
     def needs(self) -> Channels:
-        """Channels of data that the component uses besides the arguments of its methods."""
+        """Channels (kinds of data, such as the depth picture) that the component uses besides the
+        arguments of its methods.
+        """
         ...
 
 
 def needs_of(config: object, usual: Channels = frozenset()) -> Channels:
-    """Return the channels that a component's settings declare in `needs`; `usual` for settings that
-    have no `needs`.
+    """Return the channels (kinds of data, such as the depth picture) that a component's settings
+    declare in `needs`; if they have no `needs`, return `usual`.
     """
     return config.needs if isinstance(config, Declares) else usual

@@ -30,8 +30,9 @@ def compiled(
     the machine code beside its source. Compiled functions run without Python's global lock.
 
     If neither the source's folder nor the user's cache can be written, as in a container, the
-    machine code is stored in a temporary folder; if it cannot be stored at all, the function is
-    compiled in each process. One line on stderr reports the latter, or a new temporary folder.
+    machine code is stored in a temporary folder. If it cannot be stored at all, the function is
+    compiled in each process. One line on stderr reports a function that cannot be stored, or a new
+    temporary folder.
 
     Args:
         error_model: With "python" a division by zero raises an error, with "numpy" it gives inf or

@@ -24,8 +24,8 @@ SMALL_ANGLE = 1e-6
 
 
 def mount_pose(mount: Sequence[float]) -> Pose:
-    """Return the pose with position x, y, z [m] and rotations roll, pitch, yaw [deg] about the
-    fixed x, y and z axes, in this order.
+    """Return the pose that six numbers give: position x, y, z [m], and roll, pitch, yaw [deg], the
+    angles of rotations about the fixed x, y and z axes, made in this order.
     """
     (cr, sr), (cp, sp), (cy, sy) = ((cos(radians(a)), sin(radians(a))) for a in mount[3:])
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
@@ -35,7 +35,9 @@ def mount_pose(mount: Sequence[float]) -> Pose:
 
 
 def skew(w: Array) -> Array:
-    """Return the matrix (3, 3) whose product with a vector p is the cross product w x p."""
+    """Return the matrix (3, 3) whose product with a vector p (3,) is the cross product w x p, for w
+    (3,).
+    """
     x, y, z = w.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
@@ -61,7 +63,7 @@ def log_so3(R: Array) -> Array:
 
 
 def angle_of(R: Array) -> float:
-    """Return the angle 0..pi [rad] of a rotation matrix (3, 3).
+    """Return the rotation angle, 0..pi [rad], of a rotation matrix (3, 3).
 
     >>> round(angle_of(exp_so3(np.array([0.0, 0.0, 0.5]))), 6)
     0.5
@@ -81,23 +83,25 @@ def _left_jacobian(w: Array) -> Array:
 
 
 def exp_se3(xi: Array) -> Pose:
-    """Return the pose T_before_after of a frame that moves for 1 s with a constant twist xi (6,)
-    [m/s, rad/s], given in the moving frame.
+    """Return the pose T_before_after of a frame that moves for 1 s with the constant twist xi (6,):
+    linear velocity [m/s], then angular velocity [rad/s], both in the moving frame.
     """
     return Pose(exp_so3(xi[3:]), _left_jacobian(xi[3:]) @ xi[:3])
 
 
 def adjoint(T_a_b: Pose) -> Array:
-    """Return the matrix (6, 6) that converts a rigid body's twist (v, w) in frame b to its twist in
-    frame a; v is the velocity of the body at the frame's origin.
+    """Return the matrix (6, 6) that converts the twist (v, w) of a rigid body in frame b to its
+    twist in frame a. In either frame v [m/s] is the velocity of the body's point at the frame's
+    origin, and w [rad/s] its angular velocity.
     """
     R = T_a_b.rotation
     return np.block([[R, skew(T_a_b.translation) @ R], [np.zeros((3, 3)), R]])
 
 
 def log_se3(pose: Pose) -> Array:
-    """Return the constant twist (6,) [m/s, rad/s], in the moving frame, that makes a pose
-    T_before_after, with a rotation below pi, in 1 s; the inverse of `exp_se3`.
+    """Return the constant twist (6,), linear velocity [m/s], then angular velocity [rad/s], both in
+    the moving frame, with which a frame moves by the pose T_before_after in 1 s. It is the inverse
+    of `exp_se3`, and needs a rotation of less than pi.
     """
     w = log_so3(pose.rotation)
     t = pose.translation
@@ -108,21 +112,23 @@ def log_se3(pose: Pose) -> Array:
 
 
 def half_turn(angle: float) -> float:
-    """Return an angle [rad] wrapped to (-pi/2, pi/2], for shapes with a symmetry of 180 deg."""
+    """Return an angle [rad] shifted by a multiple of pi into (-pi/2, pi/2]: the direction of a
+    shape that looks the same after a half turn.
+    """
     return np.pi / 2 - (np.pi / 2 - angle) % np.pi
 
 
 def tilt(rotation: Array) -> float:
-    """Return the angle [rad] between a camera's optical axis and straight down, from R_world_camera
-    (3, 3).
+    """Return the angle, 0..pi [rad], between a camera's optical axis (its z) and the world's -z
+    (straight down), given the rotation R_world_camera (3, 3).
     """
     axis = rotation[:, 2]
     return float(np.arctan2(np.hypot(axis[0], axis[1]), -axis[2]))
 
 
 def is_rotation(R: Array, tolerance: float) -> bool:
-    """Return whether a matrix (3, 3) of finite numbers is a rotation: its determinant is positive,
-    and no entry of R R^T differs from the identity by more than the tolerance.
+    """Return whether a matrix (3, 3) of finite numbers is a rotation: whether its determinant is
+    positive, and no entry of R R^T - I is larger than `tolerance` in magnitude.
     """
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
     volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
@@ -130,7 +136,7 @@ def is_rotation(R: Array, tolerance: float) -> bool:
 
 
 def is_finite(values: Array) -> bool:
-    """Return whether all numbers of an array are finite."""
+    """Return True if no number of an array is inf or nan."""
     # The sum of squares is one quick call; it is infinite for very large finite numbers, too.
     return isfinite(np.vdot(values, values)) or bool(np.isfinite(values).all())
 
@@ -149,9 +155,11 @@ def inverse(A: Array) -> Array:
 
 
 def inverse_if_strong(A: Array, weakest: float) -> Array | None:
-    """Return the inverse of a square matrix if the inverse's norm proves that no singular value is
-    below `weakest` (each is at least 1 / |A^-1|); None if it does not prove this, or if the matrix
-    is singular. This is faster than a singular value decomposition.
+    """Return the inverse (n, n) of a square matrix if it is certain that no singular value of the
+    matrix is below `weakest`; else, or if the matrix is singular, return None.
+
+    It is certain if 1 / |A^-1|, with the Frobenius norm, is at least `weakest`, because every
+    singular value is at least 1 / |A^-1|. This is faster than a singular value decomposition.
     """
     try:
         plain = inverse(A)

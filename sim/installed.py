@@ -18,22 +18,22 @@ from pathlib import Path
 
 
 class Trusted(str):
-    """A text from the command line or from Python.
-
-    It may name code to import or a command to start; a text from a file may not.
+    """A text that came from the command line or from Python, and may therefore name code to import
+    or a command to start. A plain `str`, such as one read from a scenario's file, may not.
     """
 
     __slots__ = ()
 
 
 class BrokenPart(ValueError):
-    """Error: a component cannot be imported; the message gives the reason."""
+    """Error: a component (such as a tracker) cannot be imported; the message gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Installed:
-    """A kind of component that an installed package adds, such as a tracker: its entry point's
-    group and name (`kind`), the package's name and version, and the path to import, "module:Class".
+    """A component, such as a tracker, that an installed package adds to servobench by an entry
+    point: the entry point's group and name (`kind`), the package's name and version, and the import
+    path of the component's class, "module:Class".
     """
 
     group: str
@@ -52,11 +52,12 @@ GROUPS = "servobench."
 
 @functools.cache  # looking through 130 packages takes 3 ms
 def entries() -> tuple[Installed, ...]:
-    """Return the kinds of component (trackers, controllers, ...) that all installed packages add.
+    """Return the components (trackers, controllers, ...) that all installed packages add by entry
+    points, whose groups begin with "servobench.".
 
     A package with damaged metadata is skipped, while `importlib.metadata.entry_points` would fail
-    for all, and so are entry points with control characters. Of two packages with the same name,
-    the first one found counts. The packages are searched once in a process.
+    for all. Entry points with control characters are skipped too. Of two packages with the same
+    name, the first one found counts. The packages are searched once in a process.
     """
     found = dict[str, list[Installed]]()
     for package in metadata.distributions():
@@ -80,33 +81,35 @@ def _kinds_of(package: metadata.Distribution) -> list[Installed]:
 
 
 def installed(group: str) -> tuple[Installed, ...]:
-    """Return the kinds of component that packages add to a group of entry points such as
-    "servobench.trackers", sorted by kind and package.
+    """Return the components that installed packages add to a group of entry points such as
+    "servobench.trackers", sorted by the entry points' names, then by the packages' names.
     """
     added = (kind for kind in entries() if kind.group == group)
     return tuple(sorted(added, key=lambda k: (k.kind, k.package)))
 
 
 def packages() -> dict[str, str]:
-    """Return the version of each installed package that adds kinds of component, by the package's
-    name.
+    """Return the version of each installed package that adds components (trackers, controllers,
+    ...), as a dictionary by the package's name.
     """
     return {kind.package: kind.version for kind in entries()}
 
 
 def plain(text: str) -> str:
-    """Return a text on one line and without control characters, which could change a terminal's
-    state.
+    """Return a text on one line, with single spaces, and without control characters, which could
+    change a terminal's state.
     """
     return "".join(filter(str.isprintable, " ".join(text.split())))
 
 
 def imported(path: str) -> object:
-    """Return the object at a path such as "package.module:Name"; the working directory is searched
-    after all other places, and then stays in `sys.path`.
+    """Import a module and return an object in it, given a path such as "package.module:Name". If
+    the package is not found elsewhere, the working directory is added to the end of `sys.path`, and
+    stays there.
 
     Raises:
-        BrokenPart: The object cannot be imported; an error in the module is the exception's cause.
+        BrokenPart: The path has another form, or the object cannot be imported; an error in the
+            module is the exception's cause.
     """
     module, _, name = path.partition(":")
     if not all(map(str.isidentifier, [*module.split("."), *name.split(".")])):

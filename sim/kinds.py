@@ -1,5 +1,6 @@
-"""Registries of kinds: each file in a folder such as `tracking/trackers` is a kind of component;
-its `Config` holds the settings and builds the component.
+"""Registries of kinds: a kind is a named component, such as the tracker "kams". Each file in a
+folder such as `tracking/trackers` is a kind; its `Config` holds the settings and builds the
+component.
 
 A folder owns a value `KINDS = Kinds(__name__, ...)`, and a file dropped into it adds a motion, a
 tracker, an estimator, ... A kind may be a preset of another kind: its `Config` then inherits from
@@ -53,7 +54,8 @@ class PartConfig(Protocol[Thing]):
     """
 
     def build(self, rng: np.random.Generator) -> Thing:
-        """Return a new component, such as a tracker, with these settings.
+        """Return a new component, such as a tracker, with these settings; called before a run
+        begins.
 
         Args:
             rng: Source of all random numbers of the component: the same seed gives the same run.
@@ -63,35 +65,40 @@ class PartConfig(Protocol[Thing]):
 
 @runtime_checkable
 class KeptOutOfFiles(Protocol):
-    """Settings of which some may be given only on the command line or in Python, such as a command
-    to start.
+    """Settings of a component of which some may be given only on the command line or in Python, not
+    by a scenario's file, such as a command to start.
     """
 
     @property
     def not_from_file(self) -> tuple[str, ...]:
-        """Names of the settings that a file may not give, only the command line or Python."""
+        """Names of the settings that only the command line or Python may give: a scenario's file
+        that gives one of them is refused.
+        """
         ...
 
 
 def not_from_file(config: object) -> tuple[str, ...]:
-    """Return the names of the settings of a `Config`, or of its class, that a file may not give,
-    only the command line or Python; () if a file may give all.
+    """Return the names of the settings that only the command line or Python may give, not a
+    scenario's file. `config` is a component's settings or their class; the result is () if a file
+    may give all.
     """
     return config.not_from_file if isinstance(config, KeptOutOfFiles) else ()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class BuildsItself:
-    """Base of settings that are themselves the component: `build` returns the settings object."""
+    """Base class of settings that are themselves the component, such as the motion of a target:
+    their `build` returns the settings object.
+    """
 
     def build(self, rng: np.random.Generator) -> Self:
-        """Return these settings as the component; uses no random numbers."""
+        """Return this settings object, which is the component; `rng` is not used."""
         return self
 
 
 class UnknownKind(ValueError):
-    """Error: a kind (a named component, such as the tracker "kams") or its preset is unknown, or
-    the kind cannot be loaded; the message says why.
+    """Error: a kind (a named component, such as the tracker "kams") or a preset of it is unknown,
+    or the kind cannot be imported; the message says why.
     """
 
 
@@ -102,8 +109,9 @@ def _modules_in(paths: tuple[str, ...]) -> tuple[str, ...]:
 
 
 class Kinds(Generic[Config]):
-    """The kinds of component in one folder, given as its package (`folder`), and those that
-    installed packages add to it by a group of entry points (`group`).
+    """The registry of the components of one sort, such as all trackers: each module in the package
+    `folder` is a kind (a named component), and installed packages add further kinds by entry points
+    in the group `group`.
 
     `adapt` returns a `Config` class for an object that is not one, or None; `plain` describes such
     objects in messages.
@@ -136,22 +144,24 @@ class Kinds(Generic[Config]):
         _REGISTERED[folder] = self
 
     def names(self) -> list[str]:
-        """Return the names of all kinds in this folder and in installed packages, sorted.
+        """Return the names of all kinds (components) of this registry, those in its folder and
+        those of installed packages, sorted.
 
         An installed package's kind that has the name of another one is called package:kind.
         """
         return sorted([*self._own(), *self._added()])
 
     def package_of(self, kind: str) -> str:
-        """Return the name and version of the package that adds a kind, such as "my-package 1.2"; an
-        empty text for any other name.
+        """Return the name and version of the installed package that adds a kind, such as
+        "my-package 1.2"; an empty text for servobench's own kinds and for unknown names.
         """
         found = self._added().get(kind)
         return "" if found is None else f"{found.package} {found.version}"
 
     def config(self, kind: str, preset: str | None = None, /, **settings: object) -> Config:
-        """Return the settings of a kind of component: its defaults, of which a preset's values
-        replace some, and the given settings replace these.
+        """Return the settings of a kind (a component by its name). They begin with the kind's
+        defaults; the values of the preset, if one is named, replace some of them; and the given
+        settings replace both.
 
         Raises:
             UnknownKind: There is no such kind or preset.
@@ -162,8 +172,8 @@ class Kinds(Generic[Config]):
         return self.config_of(kind)(**{**begin, **settings})
 
     def config_of(self, kind: str) -> ConfigClass:
-        """Return the `Config` class of a kind: its dataclass of settings. A class "module:Name" is
-        imported if the text is `Trusted`.
+        """Return the class `Config` of a kind, the dataclass of its settings. The kind may also be
+        a class to import, "module:Name", if the text is `Trusted`.
 
         Raises:
             UnknownKind: The kind is unknown, cannot be imported, or is not a `Config`.
@@ -178,12 +188,13 @@ class Kinds(Generic[Config]):
             raise UnknownKind(f"{of}{error}") from error
 
     def as_config(self, found: object, name: str) -> ConfigClass:
-        """Return a `Config` class for an object that a user gives as a component; `name` is used in
-        messages.
+        """Return the `Config` class for an object that a user gives as a component: the object
+        itself if it is such a class, else a class that the registry's `adapt` makes for it. `name`
+        is used in messages.
 
         Raises:
             UnknownKind: The object is not a `Config` (a dataclass with a default for each field and
-                a method `build`), and the folder cannot adapt it.
+                a method `build`), and `adapt` returns None.
         """
         if isinstance(found, type) and callable(getattr(found, "build", None)):
             _check_config(found, name)
@@ -194,8 +205,8 @@ class Kinds(Generic[Config]):
         raise UnknownKind(f"{what}; it also lacks {self._plain}" if self._plain else what)
 
     def preset(self, kind: str, name: str) -> Settings:
-        """Return the values that a preset gives to settings of a kind, by the settings' names;
-        "paper" has those of the kind's publication.
+        """Return the values that a preset of a kind gives to its settings, as a mapping by the
+        settings' names. The preset "paper" has the values of the publication.
 
         Raises:
             UnknownKind: There is no such kind, or it has no such preset.
@@ -207,8 +218,8 @@ class Kinds(Generic[Config]):
         return known[name]
 
     def presets(self, kind: str) -> dict[str, Settings]:
-        """Return all presets of a kind by name: the `PRESETS` of its file, or of another package's
-        `Config`.
+        """Return all presets of a kind by name, each a mapping from settings to values: `PRESETS`
+        of the kind's module, or, for another package's kind, of its `Config`; {} without presets.
 
         Raises:
             UnknownKind: There is no such kind.
@@ -218,9 +229,10 @@ class Kinds(Generic[Config]):
         return getattr(importlib.import_module(config.__module__) if own else config, "PRESETS", {})
 
     def named(self, text: str) -> dict[str, str]:
-        """Return the table of a scenario for a text: {"kind": ...} for "kind", and with "preset"
-        too for "kind:preset". The kind may be "package:kind" for an installed package's, or
-        "module:Name" for a class to import.
+        """Return the table of a scenario that a short text stands for: {"kind": "kams"} for "kams",
+        and {"kind": "kams", "preset": "paper"} for "kams:paper". The kind may also be
+        "package:kind" for an installed package's, or "module:Name" for a class to import; it is
+        returned as `Trusted`.
         """
         kind, *rest = text.split(":")
         if kind and rest and kind not in self.names():
@@ -228,8 +240,9 @@ class Kinds(Generic[Config]):
         return {"kind": Trusted(kind)} | ({"preset": ":".join(rest)} if rest else {})
 
     def summary(self, kind: str) -> str:
-        """Return the first paragraph of the docstring of the kind's file, on one line, read without
-        importing the file; for another package's kind, that of its class, or else of the module.
+        """Return the first paragraph of the docstring of a kind's module, on one line, without
+        importing the module. For another package's kind it is that of the class, or else of the
+        module; an empty text if there is none.
 
         Raises:
             UnknownKind: There is no such kind.
@@ -242,8 +255,8 @@ class Kinds(Generic[Config]):
         return next(filter(None, map(_first_sentence, [*classes, tree])), "")
 
     def kind_at(self, path: str) -> str | None:
-        """Return the name of the kind that an installed package adds to this folder with the path
-        `path`, "module:Class"; None if no entry point has this path.
+        """Return the name in this registry of the kind that an installed package adds with the
+        import path "module:Class"; None if no entry point has this path.
         """
         return next((name for name, found in self._added().items() if found.path == path), None)
 
@@ -286,9 +299,11 @@ _REGISTERED: dict[str, Kinds[object]] = {}
 
 
 def kind_of(config: object) -> str:
-    """Return the kind that settings (a `Config`) belong to: the name of their class's file in a
-    folder of kinds, or that of its entry point, or "module:Class". A class that stands for another
-    object gives its kind by a class attribute `kind` that is no field.
+    """Return the name of the kind to which a component's settings (a `Config`) belong: the name of
+    their module in the folder of a registry, or of their entry point, or else "module:Class".
+
+    A `Config` class that was made for another object has the "module:Class" of this object in a
+    class attribute `kind`, which is no field.
     """
     of = type(config)
     package, _, name = of.__module__.rpartition(".")
@@ -301,11 +316,12 @@ def kind_of(config: object) -> str:
 
 
 def checked(config: Config, place: str) -> Config:
-    """Return settings that were made in Python after a check of their types and ranges, as their
-    annotations give them; settings whose annotations cannot be checked are returned unchecked.
+    """Check the types and ranges of settings that were made in Python against the annotations of
+    their dataclass, and return them. Settings whose annotations cannot be checked are returned
+    unchecked.
 
     Args:
-        config: The settings, a dataclass.
+        config: The settings, an object of a dataclass.
         place: Name of the settings' table in the message, such as "tracker".
 
     Raises:
@@ -362,7 +378,9 @@ def _first_sentence(node: ast.Module | ast.ClassDef) -> str:
 
 
 def field_docs(config: ConfigClass) -> dict[str, str]:
-    """Return the docstring below each field of a dataclass, by the field's name; "" without one."""
+    """Return the docstring that stands below each field of a dataclass, on one line, by the field's
+    name; an empty text for a field without one.
+    """
     docs: dict[str, str] = {}
     for base in reversed(config.__mro__[:-1]):
         try:

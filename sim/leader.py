@@ -1,5 +1,5 @@
-"""The leader: a tag in the room that the scenario's `[motion]` moves, while the robot is to keep
-the target that it holds beside this tag, in front of a camera that stands in the room.
+"""The leader: a moving AprilTag in the room. The scenario's `[motion]` moves it; the robot holds
+the target in front of a camera that stands in the room, and is to keep it beside this tag.
 """
 
 from dataclasses import dataclass
@@ -47,8 +47,9 @@ class LeaderConfig:
     """
 
     def leads(self, outline: Array) -> "Leader | None":
-        """Return the leader for a held target whose reference rectangle has the corners (4, 3) [m]
-        in the target's frame; None if the settings give no tag.
+        """Return the leader (moving tag) that these settings describe, with the desired pose of the
+        target that the robot holds; None if the settings give no tag. `outline` has the corners (4,
+        3) [m] of the target's reference rectangle in the target's frame.
         """
         if self.id is None:
             return None
@@ -60,8 +61,9 @@ class LeaderConfig:
 
 @dataclass(frozen=True, slots=True)
 class Leader:
-    """A moving tag, its pose, and the desired pose of the held target; both poses are in the frame
-    that the scenario's motion moves.
+    """A moving AprilTag (`tag`) beside which the robot is to keep the target that it holds: the
+    tag's pose and the desired pose of the target, both in the frame that the scenario's motion
+    moves.
     """
 
     tag: Target

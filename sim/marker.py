@@ -1,4 +1,4 @@
-"""Targets that are AprilTags: a tracker of tags finds their corners without a template."""
+"""Targets that are AprilTags, whose corners a tracker can find without a template image."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -16,8 +16,8 @@ SAME_SIZE = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Marker:
-    """An AprilTag of the family 36h11: its number, and the side of its black square [m]. It is the
-    base of the settings of targets that are such a tag.
+    """An AprilTag of the family 36h11: its number `id`, and the side `size` of its black square
+    [m]. The settings of a target that is such a tag are a subclass.
     """
 
     id: Annotated[int, Ge(0), Le(586)] = 0
@@ -26,13 +26,15 @@ class Marker:
     """Side of its black square [m]."""
 
     def is_outline(self, outline: Array) -> bool:
-        """Return whether a reference rectangle with the corners (4, 3) [m] is as large as the tag's
-        black square, within 1 %.
+        """Return True if both sides of a reference rectangle with the corners (4, 3) [m] equal the
+        side of this tag's black square within 1 %.
         """
         sides = Outline(outline)
         return np.allclose([sides.length, sides.width], self.size, rtol=SAME_SIZE)
 
 
 def marker_of(config: object) -> Marker | None:
-    """Return the AprilTag that a target with these settings is; None for other targets."""
+    """Return the settings of a target as a `Marker` if the target is an AprilTag; None for any
+    other target.
+    """
     return config if isinstance(config, Marker) else None

@@ -65,8 +65,8 @@ class BelievedConfig:
             raise ValueError('size_factor has no effect with goal = "shown": leave size_factor out')
 
     def camera(self, camera: Camera) -> Camera:
-        """Return the intrinsics that the robot believes a camera to have; the given object if they
-        are right.
+        """Return the intrinsics [px] that the robot believes a camera to have, given the true ones;
+        the given object itself if the robot's belief is right.
         """
         f = self.fx_factor
         believed = replace(
@@ -80,8 +80,8 @@ class BelievedConfig:
         return camera if believed == camera else believed
 
     def outline(self, outline: Array) -> Array:
-        """Return the corners (4, 3) [m] of the reference rectangle that the robot believes a target
-        to have, from the true corners.
+        """Return the corners (4, 3) [m] that the robot believes a target's reference rectangle to
+        have, given the true corners: scaled by `size_factor` about their centre.
         """
         middle = outline.mean(axis=0)
         f = self.size_factor
@@ -89,13 +89,17 @@ class BelievedConfig:
 
     @property
     def hand_eye(self) -> Pose:
-        """T_camera_believed: the believed camera's pose in the true camera's frame."""
+        """The hand-eye error T_camera_believed: the pose of the believed camera in the true
+        camera's frame.
+        """
         turn = exp_so3(np.radians(self.hand_eye_rotation_deg))
         return Pose(turn, np.array(self.hand_eye_mm) / 1e3)
 
     @property
     def is_body_right(self) -> bool:
-        """True if these settings give the hand-eye pose and the joint positions no errors."""
+        """True if these settings give no error to the hand-eye pose and none to the joint
+        positions.
+        """
         errors = *self.hand_eye_rotation_deg, *self.hand_eye_mm, *np.ravel(self.joint_offsets)
         return not any(errors)
 
@@ -106,8 +110,9 @@ RIGHT = BelievedConfig()
 
 @final
 class BelievedRobot:
-    """A robot that computes its kinematics from encoder readings, whose noise `rng` draws, and a
-    model with calibration errors, and whose joints have backlash.
+    """A robot that computes its kinematics from encoder readings, whose noise `rng` draws, and from
+    a model of itself with calibration errors, and whose joints have backlash. It takes the place of
+    the exact `robot` in a simulation.
 
     The backlash is kinematic: a motor that reverses turns freely by `backlash`, with its encoder,
     and the joint stands meanwhile, as friction would hold it. Inside the backlash nothing swings or
@@ -140,10 +145,12 @@ class BelievedRobot:
     def rates(
         self, data: mujoco.MjData, twist: Array, hold: float, before: Array
     ) -> tuple[Array, Array, tuple[str, ...]]:
-        """Return the joint rates (n,) [m/s or rad/s] for a camera twist (6,), the camera twist (6,)
-        that the robot believes them to make, and the joints whose limits changed it, such as "elbow
-        (range)". All is computed by the robot's wrong model; joints that really stand at an end of
-        their range are added.
+        """Return the joint rates (n,) [m/s or rad/s] for a camera twist, the camera twist (6,) that
+        the robot believes them to make, and the joints whose limits changed it, such as "elbow
+        (range)".
+
+        All is computed by the robot's wrong model of itself; joints that really stand at an end of
+        their range are added to those with limits.
 
         Args:
             data: MuJoCo's state, with the true joint positions.
@@ -156,9 +163,9 @@ class BelievedRobot:
         return rates, made, (*limits, *self._true.stopped(data, rates))
 
     def driven(self, rates: Array, hold: float) -> Array:
-        """Return the joint rates (n,) [m/s or rad/s] if the motors have the given rates for a time
-        `hold` [s]: less by what the backlash takes. Where the motors are in the backlash afterwards
-        is stored for the next call.
+        """Return the joint rates (n,) [m/s or rad/s] that result if the motors have the given rates
+        for a time `hold` [s]: reduced by the motion that the backlash takes up. The positions of
+        the motors inside the backlash are stored for the next call.
         """
         if not self._slack.any():
             return rates
@@ -167,8 +174,9 @@ class BelievedRobot:
         return rates - (self._play - before) / hold
 
     def posture(self, data: mujoco.MjData, accepted: Array | None) -> Posture:
-        """Return the posture that the robot computes from its encoders and its wrong model; its
-        twist is the mean since the last call of this method, zero at the first.
+        """Return the posture (camera pose, joint positions, Jacobian, twists) that the robot
+        computes from its encoders and its wrong model of itself. Its measured twist is the mean
+        since the last call of this method, zero at the first. Encoder noise is drawn at each call.
 
         Args:
             data: MuJoCo's state, with the true joint positions.
@@ -201,9 +209,9 @@ class BelievedRobot:
 def as_believed(
     robot: Robot, design: Design, believed: BelievedConfig, rng: np.random.Generator | None
 ) -> Robot | BelievedRobot:
-    """Return a robot with the errors of calibration, encoders and backlash that its settings give;
-    the given robot itself if they are all zero. `rng` draws the noise of the encoders (None: with
-    seed 0).
+    """Return a robot with the errors of calibration, encoders and backlash that `believed` and the
+    drives of `design` give; the given robot itself if all of them are zero. `rng` draws the noise
+    of the encoders (None: a generator with seed 0).
     """
     d = design.drives
     errors = [np.ravel(each) for each in (d.encoder_noise, d.encoder_step, d.backlash)]

@@ -11,8 +11,9 @@ from sim.types import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """The level rectangle that stands for a target in measurements and control, by its corners (4,
-    3) in the target's frame [m]: rear left, front left, front right, rear right.
+    """The reference rectangle, which stands for a target in measurements and control: a level
+    rectangle, given by its corners (4, 3) in the target's frame [m]: rear left, front left, front
+    right, rear right.
 
     >>> corners = np.array([[-0.1, 0.05, 0.03], [0.1, 0.05, 0.03], [0.1, -0.05, 0.03],
     ...                     [-0.1, -0.05, 0.03]])
@@ -27,28 +28,29 @@ class Outline:
 
     @property
     def length(self) -> float:
-        """Length of the rectangle along the target's nose [m]."""
+        """Length of the rectangle along the target's nose, its x axis [m]."""
         return float(np.ptp(self.corners[:, 0]))
 
     @property
     def width(self) -> float:
-        """Length of the rectangle across the target's nose [m]."""
+        """Length of the rectangle across the target's nose, along its y axis [m]."""
         return float(np.ptp(self.corners[:, 1]))
 
     @property
     def height(self) -> float:
-        """Height of the rectangle over the table, z in the target's frame [m]."""
+        """Height of the rectangle over the table [m]: z of its corners in the target's frame."""
         return float(self.corners[0, 2])
 
     @property
     def area(self) -> float:
-        """Area of the rectangle [m^2]."""
+        """Area of the rectangle [m^2]: length times width."""
         return self.length * self.width
 
 
 def area(corners: Array) -> float:
-    """Return the area of a convex quadrangle from its corners (4, 2) or (4, 3), of which x and y
-    count: half the product of its diagonals and of the sine between them.
+    """Return the area of a convex quadrangle, in the square of the unit of its corners (4, 2) or
+    (4, 3), of which only x and y count: half the product of its diagonals and of the sine between
+    them.
 
     >>> area(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]]))
     2.0

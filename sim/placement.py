@@ -1,5 +1,5 @@
 """Projection of the target into the picture, camera poses that give a desired projection, and
-checks that a camera pose is possible.
+checks of camera poses (above the table, in front of the target).
 """
 
 from math import atan2, cos, sin, sqrt
@@ -23,8 +23,8 @@ def truth(
     T_world_target: Pose,
     visible: float | None = None,
 ) -> Truth:
-    """Return the truth (exact pose and projection) of a target whose reference rectangle has the
-    given corners.
+    """Return the truth of a target: its exact pose, and the projection of its reference rectangle
+    into the image.
 
     Where a lens distorts, centre and corners are still projected points, theta is the direction
     from the centre to the middle of the nose, and the size is that of the quadrangle of the
@@ -32,11 +32,13 @@ def truth(
 
     Args:
         camera: Intrinsics.
-        outline: Corners (4, 3) in the target's frame [m], level, in the order in which an image
-            with the nose to the right shows them: top left, top right, bottom right, bottom left.
+        outline: Corners (4, 3) of the rectangle in the target's frame [m], level, in the order in
+            which an image with the nose to the right shows them: top left, top right, bottom right,
+            bottom left.
         T_world_camera: Pose of the camera.
         T_world_target: Pose of the target.
-        visible: Fraction of the silhouette in the picture that is not hidden; None: unknown.
+        visible: Fraction of the target's silhouette in the picture that other bodies do not hide;
+            None: unknown.
     """
     T_camera_target = T_world_camera.inverse() @ T_world_target
     seen = camera.project(T_camera_target.apply(MARKS @ outline))
@@ -59,7 +61,8 @@ def camera_above(
     camera: Camera, point: Array, heading: float, pixel: Array, theta: float, depth: float
 ) -> Pose:
     """Return T_world_camera of the camera that looks straight down and sees a world point at a
-    pixel and a depth, with a heading at an image angle.
+    given pixel and depth, rotated so that a given direction in the world has a given direction in
+    the image.
 
     Args:
         camera: Intrinsics.
@@ -76,13 +79,14 @@ def camera_above(
 
 
 def tilted(T_world_camera: Pose, point: Array, tilt: float, towards: float) -> Pose:
-    """Return T_world_camera after a camera that looks straight down is moved around a world point,
-    which stays at the same pixel and depth.
+    """Return T_world_camera of a camera that looked straight down and was then moved on an arc
+    around a world point, turning with the arc, so that the point stays at the same pixel and depth.
 
     Args:
-        T_world_camera: The camera before, which looks straight down.
+        T_world_camera: Pose of the camera before, looking straight down.
         point: World point (3,) [m].
-        tilt: Angle of the movement; the optical axis is then this far from straight down [rad].
+        tilt: Angle of the arc [rad], which is then the angle between the optical axis and straight
+            down.
         towards: Direction in the picture to which the camera moves, from +u towards +v [rad].
     """
     R = T_world_camera.rotation
@@ -91,8 +95,8 @@ def tilted(T_world_camera: Pose, point: Array, tilt: float, towards: float) -> P
 
 
 def camera_facing(outline: Array, T_world_target: Pose, T_camera_object: Pose) -> Pose:
-    """Return T_world_camera of the camera in whose frame the target's reference rectangle has a
-    given pose.
+    """Return T_world_camera of the camera in whose frame a target's reference rectangle has a
+    desired pose.
 
     Args:
         outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
@@ -104,16 +108,16 @@ def camera_facing(outline: Array, T_world_target: Pose, T_camera_object: Pose) -
 
 
 def object_frame(outline: Array) -> Pose:
-    """Return T_target_object: the pose of a reference rectangle's own frame, with its origin in the
-    centre, x along the nose and z away from a viewer (down), from the corners (4, 3) in the
-    target's frame [m].
+    """Return T_target_object, the pose of a reference rectangle's own frame in the target's frame:
+    its origin is the rectangle's centre, x points along the nose, and z down, away from a viewer of
+    its front. `outline` has the corners (4, 3) in the target's frame [m].
     """
     return Pose(DOWN, outline.mean(axis=0))
 
 
 def object_pose(seen: Truth, outline: Array) -> Pose:
-    """Return T_camera_object: the pose of a target's reference rectangle's own frame, as
-    `object_frame` defines it, in the camera frame.
+    """Return T_camera_object, the pose of a target's reference rectangle in the camera frame. The
+    rectangle's own frame has its origin in the centre, x along the nose and z away from a viewer.
 
     Args:
         seen: True poses of the camera and of the target.
@@ -123,7 +127,7 @@ def object_pose(seen: Truth, outline: Array) -> Pose:
 
 
 def check_above_table(T_world_camera: Pose) -> None:
-    """Check that a camera is above the table.
+    """Check that a camera, given its pose, is above the table's top, z = 0 in the world.
 
     Raises:
         ValueError: The camera is not above the table's top, z = 0.
@@ -136,8 +140,8 @@ def check_above_table(T_world_camera: Pose) -> None:
 
 
 def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> None:
-    """Check that a camera sees the front of a target's reference rectangle, whose corners (4, 3)
-    [m] are in the target's frame.
+    """Check that a camera sees the front of a target's reference rectangle, given its corners (4,
+    3) in the target's frame [m] and the poses of camera and target.
 
     Raises:
         ValueError: Part of the rectangle is behind the camera, or the camera is behind its front.
@@ -163,8 +167,8 @@ def truth_above(
     tilt: float = 0.0,
     towards: float = 0.0,
 ) -> Truth:
-    """Return the truth of a target at the world's origin, with its nose along world x, seen by a
-    camera that looks straight down, or is tilted.
+    """Return the truth (exact pose and projection) of a target at the world's origin, with its nose
+    along world x, seen by a camera that looks straight down, or is then tilted.
 
     Args:
         camera: Intrinsics.

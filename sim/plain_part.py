@@ -24,14 +24,15 @@ DRAWN: dict[str, Callable[[np.random.Generator], Any]] = {
 
 
 def config_for(part: object, make: Callable[..., object], **attributes: object) -> ConfigClass:
-    """Return a `Config` class for a component given as a class, a function, or an object.
+    """Make a `Config` class (a dataclass of settings with a method `build`) for a component that is
+    given as a class, a function, or an object.
 
     Args:
         part: The component. The settings are the arguments of a class or function with a hashable
             default, except kind, preset, build, self, rng and seed; an object has no settings.
-        make: Function that returns the part; it gets the settings by name, and `rng` or `seed` if
-            `part` has an argument of that name.
-        **attributes: Further attributes of the class.
+        make: Function that returns the component; it gets the settings by name, and `rng` or `seed`
+            if `part` has an argument of that name.
+        **attributes: Further attributes of the `Config` class.
     """
     taken: Mapping[str, inspect.Parameter] = {}
     if isinstance(part, type) or inspect.isfunction(part):
@@ -48,12 +49,17 @@ def config_for(part: object, make: Callable[..., object], **attributes: object) 
 
 
 def has_methods(part: object, *names: str) -> bool:
-    """Return whether a class or an object has all methods of these names."""
+    """Return True if a class or an object has a method (or other callable) of each of the given
+    names.
+    """
     return all(callable(getattr(part, name, None)) for name in names)
 
 
 def plain_config(part: object, *methods: str) -> ConfigClass | None:
-    """Return a `Config` class for a class or object that has these methods; None for another."""
+    """Return a `Config` class (a dataclass of settings with a method `build`) for a class or an
+    object that has the given methods; None if it lacks one. An object is returned by `build` as it
+    is.
+    """
     if not has_methods(part, *methods):
         return None
     return config_for(part, part if isinstance(part, type) else lambda: part)

@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 
 
 class NamesFile:
-    """Marks the type of a setting that names a file."""
+    """Marker in the `Annotated` type of a setting: the setting's text is the name of a file."""
 
 
 File = Annotated[str, NamesFile()]
@@ -17,7 +17,9 @@ identifies the file by its content, too."""
 
 
 class NamesFolder(NamesFile):
-    """Marks the type of a setting that names a file or a folder."""
+    """Marker in the `Annotated` type of a setting: the setting's text is the name of a file or a
+    folder.
+    """
 
 
 FileOrFolder = Annotated[str, NamesFolder()]
@@ -51,13 +53,13 @@ EachAcceleration = Acceleration | tuple[Acceleration, ...]
 
 
 def check(*rules: tuple[bool, str]) -> None:
-    """Check rules that settings have to keep together.
+    """Check several rules about settings, such as that two of them exclude each other.
 
     Args:
-        *rules: Pairs of a condition that is true if the rule is broken, and a sentence.
+        *rules: Pairs of a condition and a sentence; the rule is broken if the condition is true.
 
     Raises:
-        ValueError: A rule is broken; the message is the sentence of the first one.
+        ValueError: A rule is broken; the message is the sentence of the first broken one.
     """
     for is_broken, sentence in rules:
         if is_broken:

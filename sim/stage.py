@@ -1,4 +1,6 @@
-"""Places mocap bodies (target, board, second target, leader) and sets lights for a given time."""
+"""Setting of a scene for a given time: positions of the bodies that no drive moves (target, board,
+second target, leader), and lights.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial, reduce
@@ -39,15 +41,15 @@ class Motion(Protocol):
     """
 
     def at(self, time: float) -> Pose:
-        """Return T_world_target (x along the nose, z up; the table's top is z = 0) at a time since
-        the start of the run [s].
+        """Return the target's pose T_world_target (x along the nose, z up; the table's top is z =
+        0) at a time since the start of the run [s].
         """
         ...
 
 
 class Disturbance(Protocol):
-    """A change of light, of what is in view (a board, a second target) or of frame delivery, as a
-    function of time alone.
+    """A change of light, of what the camera sees (a board, a second target) or of frame delivery,
+    as a function of time alone; any class with `props` and `at` is a disturbance.
 
     `at` returns what the disturbance changes at a time of the run, and `Effect()` while it changes
     nothing; `props` names what it needs in the scene: "second_target", or "spot" (a spot light).
@@ -68,14 +70,15 @@ class Disturbance(Protocol):
 
     def at(self, time: float) -> Effect:
         """Return what the disturbance changes at a time since the start of the run [s]; `Effect()`
-        if it changes nothing.
+        if it changes nothing. Called with any time of a run, in any order and repeatedly.
         """
         ...
 
 
 class Stage:
-    """Places the bodies that follow a prescribed path (target, board, second target, leader) and
-    sets the lights; the physics engine moves the robot.
+    """Sets a scene for a given time: it places the bodies that follow a prescribed path (target,
+    board, second target, leader) and sets the lights, as the motion and the disturbances say. The
+    physics engine moves the robot.
     """
 
     def __init__(
@@ -104,37 +107,41 @@ class Stage:
         self._board_parked = model.body(BOARD).pos.copy()
 
     def effect(self, time: float) -> Effect:
-        """Return what all disturbances change at a time of the run [s], combined."""
+        """Return the combined effect of all disturbances at a time since the start of the run
+        [s].
+        """
         return reduce(or_, (d.at(time) for d in self._disturbances), Effect())
 
     def target(self, time: float) -> Pose:
-        """Return T_world_target at a time of the run [s]; if the robot holds the target, its pose
-        as computed last in the state that this stage was made with, at any time.
+        """Return the target's pose T_world_target at a time since the start of the run [s]. If the
+        robot holds the target, the time does not count: it is the present pose, as MuJoCo computed
+        it last.
         """
         return self._mounting.target(self._at(time), self._hand)
 
     def goal(self, time: float) -> Pose | None:
-        """Return the desired pose T_world_target of the held target at a time of the run [s]; None
-        without a leader.
+        """Return the desired pose T_world_target of the target that the robot holds, at a time
+        since the start of the run [s]; None if the scene has no leader (moving tag) beside which it
+        is to be kept.
         """
         return None if self._leader is None else self._at(time) @ self._leader.T_moved_goal
 
     @property
     def follows_robot(self) -> bool:
-        """Whether what `place` does depends on the robot's present pose: if it holds the target, or
-        if a disturbance may put a board before the camera.
+        """True if what `place` sets may depend on the robot's present pose: if the robot holds the
+        target, or if there are disturbances, as one may put a board before the camera.
         """
         return bool(self._disturbances) or not isinstance(self._mounting, CameraInHand)
 
     def place(self, data: mujoco.MjData, time: float, eye: Callable[[], Pose]) -> None:
-        """Move target, leader, board and second target, and set the lights, as they are at a time
-        of the run.
+        """Move target, leader, board and second target to where they are at a time of the run, and
+        set the lights.
 
         Args:
             data: MuJoCo's state, whose mocap bodies are set; the lights are set in the model.
-            time: Time of the run [s].
-            eye: Function that returns the pose of the camera in the world: a board hides the target
-                on its line of sight.
+            time: Time since the start of the run [s].
+            eye: Function that returns the camera's pose T_world_camera; it is called only if a
+                board is to hide the target on the camera's line of sight.
         """
         target = self.target(time)
         self._put(data, TARGET, target)

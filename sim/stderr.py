@@ -7,8 +7,8 @@ from contextlib import contextmanager, suppress
 
 @contextmanager
 def silent_libraries() -> Generator[None]:
-    """Suppress everything that is written to the process's stderr within a `with` block; keep the
-    block short, because it concerns all threads.
+    """Context manager that suppresses everything that is written to the process's stderr, also by C
+    libraries. It acts on all threads, so the `with` block should be short.
     """
     try:
         stderr = os.dup(2)

@@ -75,7 +75,7 @@ class GroundConfig:
             raise ValueError(f'kind = "{OWN}" and file go together: give both, or neither')
 
     def picture(self) -> Image:
-        """Return the picture of the ground as RGB (H, W, 3).
+        """Return the picture that covers the table's top by these settings, RGB, uint8 (H, W, 3).
 
         Raises:
             ValueError: The picture is missing or cannot be read.
@@ -154,8 +154,8 @@ class LightConfig:
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """The surroundings of the target: settings of ground, walls, clutter and light, and the
-    generator that draws the clutter.
+    """The surroundings of the target: settings of the ground below it, of walls, of clutter
+    (objects on the table) and of the light, and the generator that draws the clutter.
     """
 
     ground: GroundConfig = field(default_factory=GroundConfig)
@@ -166,10 +166,11 @@ class Surroundings:
     """Source of the clutter's random numbers."""
 
     def furnish(self, room: mujoco.MjSpec, target: mujoco.MjSpec) -> None:
-        """Add ground, walls, clutter and light to a room's model, which is changed.
+        """Change a room's model, in place, as these settings say: add ground, walls and clutter,
+        remove the shipped objects from the table, and set the lamp.
 
         Args:
-            room: Model of scenes/room.xml.
+            room: Model of scenes/room.xml, which is changed.
             target: Model of the target, whose colours some of the clutter may have.
 
         Raises:
@@ -223,8 +224,8 @@ def _light(room: mujoco.MjSpec, light: LightConfig) -> None:
 
 
 def colours_of(target: mujoco.MjSpec) -> Array:
-    """Return RGB colours (n, 3), 0 to 1, of a target's model: those of its geoms, and of some
-    pixels of their pictures.
+    """Return colours (n, 3), RGB from 0 to 1, that occur in a target's model: for each geom its
+    plain colour, or, if it has a picture, the colours of about 16 of the picture's pixels.
     """
     model = target.copy().compile()
     found = list[Array]()

@@ -1,4 +1,6 @@
-"""Timing of physics, drives and exposures, counted in physics steps of a frame interval."""
+"""Timing of a simulation: how many physics steps a frame interval has, and at which of them the
+drives are updated and the pictures of an exposure are rendered.
+"""
 
 from dataclasses import dataclass
 from math import ceil
@@ -16,8 +18,8 @@ SUBFRAMES = 6
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """The physics rate [Hz], and the numbers of physics steps in a frame interval and between two
-    updates of the drives, adapted to the camera's frame rate.
+    """The rates of a simulation, adapted to the camera's frame rate: physics steps a second [Hz],
+    physics steps in a frame interval, and physics steps between two updates of the drives.
     """
 
     physics: float
@@ -29,11 +31,13 @@ class Rates:
 
     @staticmethod
     def of(physics_rate: float, drive_rate: float, rate: float) -> "Rates":
-        """Return the rates nearest to the desired ones [Hz] with which a frame interval has a whole
-        number of physics steps.
+        """Return rates near the desired physics, drive and camera rates [Hz], such that a frame
+        interval has a whole number of physics steps; the camera's rate is kept.
 
-        Where the camera's rate does not divide the physics rate, physics gets faster, never slower,
-        until a frame is a whole number of updates of the drives.
+        If the camera's rate divides the physics rate, the physics rate is kept too, and the drive
+        rate is rounded to a whole number of physics steps. Else physics gets faster, never slower,
+        until a frame interval is a whole number of drive updates, each a whole number of physics
+        steps.
         """
         ratio = physics_rate / rate
         steps = round(ratio)
@@ -44,9 +48,10 @@ class Rates:
         return Rates(steps * rate, steps, steps // updates)
 
     def changed(self, physics_rate: float, drive_rate: float, rate: float) -> dict[str, float]:
-        """Return the rates in use [Hz] that differ from the given settings, by the names
-        "world.physics_rate" and "world.drive_rate"; `rate` is the camera's, and drives that are
-        asked for less often than once a frame do not count as different.
+        """Return those of the rates in use [Hz] that differ from the desired physics and drive
+        rate, by the names "world.physics_rate" and "world.drive_rate". `rate` is the camera's frame
+        rate; a desired drive rate below it counts as this rate, because drives are updated at least
+        once a frame.
         """
         drive = max(self.physics / self.drive_steps, rate)  # once a frame at least
         pairs = {
@@ -60,9 +65,10 @@ class Rates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Band:
-    """Rows of a picture that share an exposure (all rows, or some with a rolling shutter): the
-    first row, the exposure's weight in each row from there on (n, 1, 1), and the numbers of the
-    physics steps of the frame interval after which a picture is rendered for it.
+    """Neighbouring rows of a picture that share an exposure: all rows, or some of them with a
+    rolling shutter. It has the number of the first row; the weight of the exposure in each row from
+    there on (n, 1, 1); and the numbers of the physics steps of the frame interval after which a
+    picture is rendered for it.
     """
 
     begin: int
@@ -74,8 +80,9 @@ class Band:
 
 
 def exposures(camera: CameraConfig, steps: int) -> tuple[Band, ...]:
-    """Return the exposures of a frame, each with its rows, from the picture's top. The last
-    exposure ends with the frame interval, which has `steps` physics steps.
+    """Return the exposures of a frame, each with the rows to which it contributes, from the
+    picture's top. The last exposure ends with the frame interval, which has `steps` physics steps.
+    Without a rolling shutter there is one exposure, for all rows.
 
     The exposures of a rolling shutter end at equal intervals of time. A row between two of them is
     their mean, weighted by how near they are in time: something that moves by few pixels is then,

@@ -57,35 +57,36 @@ class Camera:
 
     @property
     def is_plain(self) -> bool:
-        """True if the camera keeps the shape of objects parallel to the image: square pixels, no
-        distortion.
+        """True if the camera shows objects that are parallel to the image in their true shape,
+        because its pixels are square and its lens does not distort.
         """
         return self.distortion is None and self.fx == self.fy
 
     def normalise(self, pixels: Array) -> Array:
-        """Return the undistorted normalised image coordinates x = X/Z, y = Y/Z (..., 2) of pixels
-        (..., 2) [px].
+        """Return the undistorted normalised image coordinates (..., 2), x = X/Z and y = Y/Z in the
+        camera frame, that belong to pixels (..., 2) [px].
         """
         bent = (pixels - (self.cx, self.cy)) / (self.fx, self.fy)
         return bent if self.distortion is None else self.distortion.straighten(bent)
 
     def to_pixels(self, normalised: Array) -> Array:
-        """Return the pixels (..., 2) [px] of undistorted normalised image coordinates x = X/Z, y =
-        Y/Z (..., 2).
+        """Return the pixels (..., 2) [px] that belong to undistorted normalised image coordinates
+        (..., 2), x = X/Z and y = Y/Z in the camera frame.
         """
         bent = normalised if self.distortion is None else self.distortion.bend(normalised)
         return bent * (self.fx, self.fy) + (self.cx, self.cy)
 
     def project(self, points: Array) -> Array:
-        """Return the pixels (..., 2) [px] of points (..., 3) in the camera frame [m], which have to
-        be in front of the camera: this is not checked.
+        """Return the pixels (..., 2) [px] at which the camera sees points (..., 3), given in the
+        camera frame [m]. The points have to be in front of the camera; this is not checked.
         """
         return self.to_pixels(points[..., :2] / points[..., 2:])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """A rigid transform T_a_b: it takes coordinates [m] in frame b to coordinates in frame a.
+    """A rigid transform T_a_b, the pose of frame b in frame a: it takes coordinates [m] in frame b
+    to coordinates in frame a. `T_a_b @ T_b_c` is T_a_c.
 
     >>> T_world_camera = Pose.planar(1.0, 0.0, 0.0)
     >>> T_world_camera.apply(np.array([0.5, 0.0, 0.0])).tolist()
@@ -110,7 +111,8 @@ class Pose:
     @staticmethod
     def planar(x: float, y: float, heading: float) -> Pose:
         """Return the pose T_world_object of an object on the table: position x, y [m] at z = 0, and
-        heading, from world x towards y [rad].
+        rotation about z by `heading` [rad], the direction of the object's x axis from world x
+        towards y.
         """
         c = np.cos(heading)
         s = np.sin(heading)
@@ -132,17 +134,18 @@ class Pose:
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 
     def apply(self, points: Array) -> Array:
-        """Return the coordinates in frame a of points (..., 3) [m] given in frame b, for a pose
-        T_a_b.
+        """Take points from one frame to another: for a pose T_a_b, return the coordinates (..., 3)
+        [m] in frame a of points given by their coordinates (..., 3) [m] in frame b.
         """
         return points @ self.rotation.T + self.translation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posture:
-    """A robot's own knowledge at one moment: its camera's pose in the room (in the target's frame,
-    if the robot holds the target), joint positions and limits [m or rad], limits of joint rates
-    [m/s or rad/s], and camera twists (6,) in the camera frame [m/s, rad/s].
+    """What a robot knows of itself at one moment: its camera's pose in the room (in the target's
+    frame, if the robot holds the target), joint positions and limits [m or rad], limits of joint
+    rates [m/s or rad/s], the Jacobian (6, n) from joint rates to the camera's twist, and camera
+    twists (6,) in the camera frame [m/s, rad/s].
 
     Of the twists, `twist` is the measured one, `asked` the commanded one and `accepted` the part of
     it that the joint limits allow, all means since the last frame; `under_way` has commands that
@@ -180,7 +183,11 @@ class Posture:
     def commanded(
         self, asked: Array | None, under_way: tuple[tuple[Array, float], ...] | None = None
     ) -> Posture:
-        """Return this posture with the given commands as `asked` and `under_way`."""
+        """Return a copy of this posture with other commanded twists: `asked`, the mean (6,) since
+        the last frame (None: the last command), and `under_way`, the twists (6,) that have not
+        acted yet, each with its duration [s] (None: the commands that have not acted, a frame
+        interval each).
+        """
         return Posture(  # `replace` takes four times as long
             self.T_base_camera,
             self.twist,
@@ -197,15 +204,17 @@ class Posture:
 
     @property
     def down(self) -> Array:
-        """Unit vector (3,) straight down (against the room's z), in the camera frame."""
+        """Unit vector (3,) straight down, in the camera frame; it is against z of the frame of the
+        camera's pose (the room, or the target if the robot holds it).
+        """
         return -self.T_base_camera.rotation[2]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """One picture of the camera, RGB (H, W, 3), with its time [s], its number, and perhaps depths
-    along the optical axis (H, W) [m], nan or 0 where unknown; the camera's last picture again, with
-    `fresh` = False, if it delivered no new one.
+    """One picture of the camera, RGB (H, W, 3), with its time [s] and its number. Depths along the
+    optical axis (H, W) [m], nan or 0 where unknown, are given if the camera measures them. If the
+    camera delivered no new picture, the frame holds the last one again, and `fresh` is False.
     """
 
     image: Image
@@ -221,8 +230,8 @@ class Frame:
     camera has no depth picture."""
 
     def black(self) -> Frame:
-        """Return this frame with a black picture of the same size, which takes no memory, and
-        without depths.
+        """Return a copy of this frame with a black picture of the same size, which takes no memory,
+        and without depths.
         """
         picture = np.broadcast_to(np.uint8(0), self.image.shape)
         return Frame(picture, self.time, self.index, self.fresh)
@@ -230,11 +239,14 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """The exact pose of the target at the time of one frame, and the projection of its reference
-    rectangle into the image: centre and corners [px], direction theta of the nose, from +u towards
-    +v [rad], and size, the root of image area over metric area [px/m]. The corners (4, 2) are those
-    of the rear left, front left, front right and rear right, with the nose ahead. `visible` is the
-    fraction of the silhouette in the picture that is not hidden (None: not measured).
+    """The exact pose of the target at the time of one frame, and the projection into the image of
+    its reference rectangle, which stands for it in measurements and control: centre (2,) [px];
+    corners (4, 2) [px], in the order rear left, front left, front right, rear right (the nose is in
+    front); direction theta of the nose, from +u towards +v [rad]; and size, the square root of
+    image area over metric area [px/m].
+
+    `visible` is the fraction of the target's silhouette in the picture that other bodies do not
+    hide; None if it was not measured.
     """
 
     centre: Array
@@ -255,8 +267,9 @@ class Truth:
 
     @property
     def depth(self) -> float:
-        """Distance of the origin of the target's frame along the optical axis [m]; below zero the
-        target is behind the camera, and `centre`, `theta`, `size` and `corners` are meaningless.
+        """Depth [m] of the origin of the target's frame, its distance from the camera along the
+        optical axis; below zero the target is behind the camera, and `centre`, `theta`, `size` and
+        `corners` are meaningless.
         """
         return float((self.T_world_camera.inverse() @ self.T_world_target).translation[2])
 
@@ -277,10 +290,10 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """The combined effect of all disturbances at one time: factors on image and lamp brightness, a
-    spot light (None: off), the board's sideways distance from the line of sight [m] (None: no
-    board), the pose T_world_target of a second target (None: absent), and whether the camera drops
-    the frame.
+    """The combined effect of all disturbances at one time: factors on image and lamp brightness; a
+    spot light (None: off); the sideways distance [m] of a board from the line of sight to the
+    target (None: no board); the pose T_world_target of a second target (None: absent); and whether
+    the camera drops the frame.
     """
 
     gain: float = 1.0

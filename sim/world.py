@@ -59,8 +59,9 @@ class WorldConfig:
 
 @dataclass(frozen=True, slots=True)
 class WorldParts:
-    """The parts that a `World` is made of: robot, target, motion and disturbances; the settings of
-    camera, simulation and leader; the errors of calibration; and the surroundings.
+    """What a simulated world is made of: robot, target, motion and disturbances; the settings of
+    camera, simulation and leader (a moving tag to follow); the errors of calibration that the robot
+    relies on; and the surroundings.
     """
 
     robot: Design
@@ -80,10 +81,11 @@ class Unstable(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """The state of the world at the time of one frame: a function that waits for the picture; the
-    target's exact pose and projection, now and at its goal (None without a leader); T_world_target
-    one frame interval ago; the robot's exact and believed postures; poses (n, 3, 4) of the n moving
-    bodies in the world; and joint rates (m,) [m/s or rad/s].
+    """The state of the simulated world at the time of one frame. It holds a function that waits for
+    the picture; the target's exact pose and projection (`truth`), and those of a target at its goal
+    (None without a leader, a moving tag); T_world_target one frame interval ago; the robot's exact
+    posture, and the one that it believes; poses (n, 3, 4) of the n bodies of the scene in the
+    world; and measured joint rates (m,) [m/s or rad/s].
     """
 
     picture: Callable[[], Frame]
@@ -104,11 +106,12 @@ class Moment:
 
 
 class World:
-    """The simulated world of one episode: robot, camera, table and target. Close it after use.
+    """The simulated world of one run: robot, camera, table and target. Call `start` and `step` to
+    move the robot, `look` for pictures, and `close` after use.
 
     `rng` draws the noise of the pictures, `depth` that of depth pictures, and `encoders` that of
-    the encoders (None: with seed 0); `renderer` makes the camera's renderer in place of that of the
-    settings.
+    the encoders (None for either: a generator with seed 0). `renderer` makes the camera's renderer
+    in place of the one that the camera's settings name.
     """
 
     def __init__(
@@ -192,8 +195,8 @@ class World:
         towards: float = 0.0,
         way: Callable[[], Sequence[Pose]] | None = None,
     ) -> Reach:
-        """Move the robot so that its camera sees the target at a pixel, an angle and a depth, or as
-        near to that as it can; return how near.
+        """Move the robot at once, without physics, so that its camera sees the target at a given
+        pixel, angle and depth, or as near to that as it can; return how near.
 
         Args:
             pixel: Desired projection of the target's centre (2,) [px].
@@ -217,8 +220,8 @@ class World:
     def start_facing(
         self, T_camera_object: Pose, way: Callable[[], Sequence[Pose]] | None = None
     ) -> Reach:
-        """Move the robot so that the target's reference rectangle has a pose in the camera frame,
-        or as near to that as it can; return how near.
+        """Move the robot at once, without physics, so that the target's reference rectangle has a
+        given pose in the camera frame, or as near to that as it can; return how near.
 
         Args:
             T_camera_object: Pose of the rectangle's own frame: its origin in the centre, x along
@@ -234,13 +237,13 @@ class World:
         return self._go(placement.camera_facing(self.outline, target, T_camera_object), way)
 
     def eye_at_goal(self, time: float, T_camera_object: Pose, *, turns: bool) -> Pose:
-        """Return the desired pose of the camera at a time: T_world_camera, or T_target_camera if
-        the robot holds the target.
+        """Return the camera pose at which the target is at its goal, at a given time:
+        T_world_camera, or T_target_camera if the robot holds the target.
 
         Args:
             time: Time since the start of the run [s].
-            T_camera_object: Desired pose of the target's rectangle in the camera frame; not used
-                with a leader.
+            T_camera_object: Desired pose of the target's reference rectangle in the camera frame;
+                not used with a leader, whose motion gives the goal.
             turns: True: the camera turns with the target; False: its orientation stays that at the
                 start of the run.
         """
@@ -269,12 +272,13 @@ class World:
         return reached
 
     def step(self, twists: Array) -> tuple[str, ...]:
-        """Simulate until the time of the next frame; return the joints whose limits made the camera
-        slower, such as "elbow (range)".
+        """Simulate one frame interval, until the time of the next frame; return the joints whose
+        limits changed the commanded camera twist, each with the limit's kind, such as "elbow
+        (range)" or "elbow (speed)".
 
         Args:
             twists: Commanded camera twist (6,) in the camera frame [m/s, rad/s], or one for each of
-                the `ticks` (n, 6).
+                the n updates of the drives in the frame interval (n, 6), whose times are `ticks`.
 
         Raises:
             Unstable: The simulated physics diverged.
@@ -308,32 +312,33 @@ class World:
         return tuple(slowed_by)
 
     def posture(self) -> Posture:
-        """Return the robot's exact posture at the present time, as `Robot.posture` does; its twists
-        are means since the last frame, zero before the first `step`.
+        """Return the robot's exact posture (camera pose, joint positions, Jacobian, twists) at the
+        present time. Its twists are means since the last frame, zero before the first `step`.
         """
         return self.robot.posture(self.data, self._mean_twist, self._accepted)
 
     def believed(self, posture: Posture) -> Posture:
-        """Return the posture that the robot believes to have now; `posture`, the exact one, if it
-        makes no errors. Call it once a frame: it draws encoder noise, and its twist is the mean
-        since the last call.
+        """Return the posture that the robot believes to have now; if it makes no errors, this is
+        `posture`, the exact one. Call it once a frame, because it draws encoder noise, and its
+        measured twist is the mean since the last call.
         """
         if isinstance(self._known, Robot):
             return posture
         return self._known.posture(self.data, self._accepted)
 
     def look(self) -> Frame:
-        """Return the frame at the present time; if the camera drops it, the frame holds the last
-        picture, and its `fresh` is False.
+        """Render the present scene and return the camera's frame. If a disturbance lets the camera
+        drop it, the frame holds the last picture, and its `fresh` is False; the first frame is
+        never dropped.
         """
         return self.begin()()
 
     def begin(self) -> Callable[[], Frame]:
-        """Begin to render the picture of the present time; the world may move on meanwhile.
+        """Begin to render the picture of the present time; the simulation may go on meanwhile.
 
         Returns:
-            Function that waits for the picture and returns its frame; call those of several
-            pictures in the order in which they were begun.
+            Function that waits for the picture and returns the camera's frame. Call the functions
+            of several pictures in the order in which the pictures were begun.
         """
         time = self.data.time
         index = self._frames
@@ -355,8 +360,8 @@ class World:
         return picture
 
     def moment(self) -> Moment:
-        """Return the state of the world at the present time, and begin to render its picture. Call
-        it once a frame: it draws encoder noise.
+        """Begin to render the picture of the present time, and return it with the state of the
+        world. Call this once a frame, because it draws encoder noise.
         """
         picture = self.begin()
         posture = self.posture()
@@ -372,16 +377,16 @@ class World:
         )
 
     def truth(self) -> Truth:
-        """Return the exact pose and projection of the target, and the fraction that `visible`
-        returns if the setting `visibility` asks for it, else None.
+        """Return the exact pose and projection of the target at the present time. Its `visible` is
+        the fraction that the method `visible` returns, or None if the setting `visibility` is off.
         """
         visible = self.visible() if self._visibility else None
         target = self._stage.target(self.data.time)
         return placement.truth(self.camera, self.outline, self._eye_at, target, visible)
 
     def goal(self) -> Truth | None:
-        """Return the truth of a target that is at its desired pose relative to the leader; None if
-        there is no leader.
+        """Return the exact pose and projection that the target would have at the present time if it
+        were at its desired pose relative to the leader, a moving tag; None if there is no leader.
         """
         goal = self._stage.goal(self.data.time)
         if goal is None:
@@ -389,11 +394,12 @@ class World:
         return placement.truth(self.camera, self.outline, self._eye_at, goal)
 
     def target_at(self, time: float) -> Pose:
-        """Return T_world_target at a time of the run [s].
+        """Return the target's pose T_world_target at a time since the start of the run [s].
 
-        If the robot holds the target, only the motion of the goal counts: the returned pose has the
+        If the robot holds the target, only the motion of its goal counts: the returned pose has the
         same error to the present goal as the held target, where it is now, has to the goal at that
-        time. Without a leader it is the held target's present pose.
+        time. Without a leader (the moving tag that gives the goal) it is the held target's present
+        pose.
         """
         target = self._stage.target(time)
         now = self._stage.goal(self.data.time)
@@ -402,14 +408,14 @@ class World:
 
     @property
     def moving(self) -> tuple[str, ...]:
-        """Names of all bodies of the scene except the fixed world body, in the order of
-        `bodies`.
+        """Names of all bodies of the scene except the fixed world body, those that never move
+        included, in the order of the method `bodies`.
         """
         return tuple(self.model.body(i).name for i in range(1, self.model.nbody))
 
     def bodies(self) -> Array:
-        """Return the poses (n, 3, 4) [R | t] [m] in the world of all bodies of the scene except the
-        fixed world body.
+        """Return the poses (n, 3, 4) in the world, rotation and translation [R | t] [m], of all
+        bodies of the scene except the fixed world body, in the order of `moving`.
         """
         rotations = self.data.xmat[1:].reshape(-1, 3, 3)
         return np.concatenate([rotations, self.data.xpos[1:, :, None]], axis=2)
@@ -434,9 +440,8 @@ class World:
 
     def visible(self) -> float:
         """Return which fraction, 0 to 1, of the part of the target's silhouette that lies in the
-        picture is not hidden by other bodies; 0 if the target is outside of the picture.
-
-        Takes two more renderings.
+        picture is not hidden by other bodies; 0 if the target is outside of the picture. It renders
+        the scene twice.
         """
         model = self.model
         own = model.body_rootid[model.geom_bodyid] == model.body(TARGET).id

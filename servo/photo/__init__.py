@@ -1,1 +1,3 @@
-"""Photographs of a plane, straightened by a printed sheet of tags that lies on it."""
+"""Perspective correction of a photograph of a plane on which a printed sheet of AprilTags lies: the
+result shows the plane from straight above.
+"""

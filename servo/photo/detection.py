@@ -1,4 +1,5 @@
-"""Finds the sheet of tags in a photograph, or says why it cannot be found.
+"""Detection of the printed sheet of AprilTags in a photograph; an error gives the likely reason for
+a failure.
 
 The homography from the plane is a least-squares fit to the corners of all tags (Hartley and
 Zisserman, Multiple View Geometry in Computer Vision, 2nd edition, section 4.1); the tags' known
@@ -30,16 +31,20 @@ OTHERS = {
 
 
 def seen_in(image: Image, camera: Camera | None, scale: float) -> Photograph:
-    """Find the sheet in a photograph.
+    """Find the printed sheet of AprilTags in a photograph; return the photograph with its camera
+    and the homography from the sheet's plane to the image.
 
     Args:
-        image: The photograph, RGB (H, W, 3).
-        camera: Its camera; None: a lens without distortion.
-        scale: Printed size of the sheet, relative to its own.
+        image: The photograph, RGB, uint8 (H, W, 3).
+        camera: Intrinsics of the camera that took it; None: a lens without distortion, and the
+            principal point in the image's centre.
+        scale: Printed size of the sheet relative to its design size, in which a tag has a side of
+            60 mm.
 
     Raises:
-        ValueError: Too few of its tags are seen, the sheet is not flat, or the calibration is of
-            pictures of another size.
+        ValueError: Fewer than 3 of the sheet's 6 tags are seen; the rms distance of their corners
+            from their places on a flat sheet is more than 2 % of a tag's side; or the camera has
+            another image size than the photograph.
     """
     height, width = image.shape[:2]
     camera = camera or Camera(width, width, width / 2, height / 2, width, height)
@@ -112,8 +117,9 @@ def _why_few(image: Image, count: int) -> str:
 
 
 def edge_width(image: Image) -> float:
-    """Return the width of the sharpest edges in a photograph [px]: its contrast over its steepest
-    slope.
+    """Return the width of the sharpest edges [px] in a photograph, RGB (H, W, 3), as a measure of
+    blur: the range of grey levels (1st to 99th percentile) over the 99.9th percentile of the
+    gradient's magnitude.
     """
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
     slopes = np.hypot(cv2.Sobel(grey, -1, 1, 0), cv2.Sobel(grey, -1, 0, 1)) / 8

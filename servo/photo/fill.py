@@ -1,4 +1,6 @@
-"""Fills the place of the sheet in a straightened picture with the plane beside it."""
+"""Filling of the sheet's place in a straightened picture of a plane with copies of the plane beside
+it.
+"""
 
 import cv2
 import numpy as np
@@ -13,11 +15,16 @@ Area = tuple[slice, slice]
 
 
 def filled(image: Image, hole: Area) -> Image:
-    """Return a picture (h, w, 3) whose hole is filled with the parts of the picture beside it, in
-    the light that is around the hole.
+    """Return a copy of a picture in which a rectangular hole is filled with copies of the parts
+    beside it, whose brightness is adapted to that around the hole.
+
+    Args:
+        image: The picture, RGB, uint8 (h, w, 3).
+        hole: The hole as two slices [px]: its rows and its columns.
 
     Raises:
-        ValueError: There is no room beside it for a part of its size, or for two of half its size.
+        ValueError: The picture has no part of the hole's size beside the hole, and no two parts of
+            half its size on opposite sides of it.
     """
     border = max(3, min(each.stop - each.start for each in hole) // BORDER)
     for plan in _plans(hole):

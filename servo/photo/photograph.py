@@ -1,4 +1,6 @@
-"""A photograph of a plane with the sheet of tags on it, and its straightened picture."""
+"""A photograph of a plane on which a printed sheet of AprilTags lies, and its perspective
+correction.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,7 +28,9 @@ BAND = 64
 
 @dataclass(frozen=True, slots=True)
 class Rectangle:
-    """A part of the plane in the sheet's frame [m]."""
+    """A rectangle on the plane, along the axes of the printed sheet: its borders [m] in the sheet's
+    frame, whose origin is the sheet's middle, with x to the right and y upwards.
+    """
 
     left: float
     bottom: float
@@ -35,11 +39,14 @@ class Rectangle:
 
     @property
     def size(self) -> Array:
-        """Width and height (2,) [m]."""
+        """Width (along x) and height (along y) of the rectangle (2,) [m]."""
         return np.array([self.right - self.left, self.top - self.bottom])
 
     def grid(self, columns: int, rows: int) -> Array:
-        """Return the middles of a grid of cells (rows, columns, 2) [m], from the upper left."""
+        """Divide this rectangle into a grid of equal cells, and return their centres (rows,
+        columns, 2) [m] in the sheet's frame; the first row is the uppermost, the first column the
+        leftmost.
+        """
         x = self.left + (np.arange(columns) + 0.5) * (self.right - self.left) / columns
         y = self.top - (np.arange(rows) + 0.5) * (self.top - self.bottom) / rows
         return np.stack(np.meshgrid(x, y), axis=2)
@@ -47,7 +54,12 @@ class Rectangle:
 
 @dataclass(frozen=True)
 class Photograph:
-    """A photograph of a plane with the sheet on it."""
+    """A photograph of a plane on which the printed sheet of AprilTags was found: the image, its
+    camera, and the homography `H` from the plane to normalised image coordinates.
+
+    Points on the plane are given in the sheet's frame [m]: its origin is the sheet's middle, x
+    points to the right and y upwards.
+    """
 
     image: Image
     """The photograph, RGB (H, W, 3)."""
@@ -64,26 +76,31 @@ class Photograph:
 
     @property
     def paper(self) -> Rectangle:
-        """The part of the plane that the sheet covers, with a border."""
+        """Rectangle around the printed sheet in its own frame [m]: as wide as Letter and as high as
+        A4 paper, times the printed scale, with a border of 4 mm.
+        """
         half = self.scale * np.array(LARGEST) / 2 + MARGIN
         return Rectangle(*-half, *half)
 
     @cached_property
     def resolution(self) -> float:
-        """Resolution at the sheet's middle [px/m]."""
+        """Resolution of the photograph at the sheet's middle [px per metre on the plane]: the
+        geometric mean of the largest and the smallest over all directions.
+        """
         return float(np.sqrt(np.prod(self.resolutions(np.zeros((1, 2))))))
 
     def pixels(self, points: Array) -> Array:
-        """Return the pixels (..., 2) [px] of points (..., 2) on the plane, in the sheet's frame
-        [m]; nan behind the camera.
+        """Return the pixels (..., 2) [px] at which the photograph shows points (..., 2) of the
+        plane, given in the sheet's frame [m]; nan for points behind the camera.
         """
         seen = points @ self.H[:, :2].T + self.H[:, 2]
         depth = np.where(seen[..., 2:] > 0, seen[..., 2:], np.nan)
         return self.camera.to_pixels(seen[..., :2] / depth)
 
     def resolutions(self, points: Array) -> Array:
-        """Return the largest and the smallest resolution (..., 2) [px/m] over all directions at
-        points (..., 2) on the plane, in the sheet's frame [m]; 0 behind the camera.
+        """Return the largest and the smallest resolution (..., 2) [px per metre on the plane], in
+        this order, over all directions at points (..., 2) of the plane, given in the sheet's frame
+        [m]; 0 for points behind the camera.
         """
         step = 1e-4
         along = [self.pixels(points + d) - self.pixels(points - d) for d in step * np.eye(2)]
@@ -91,8 +108,9 @@ class Photograph:
         return np.linalg.svd(slopes, compute_uv=False).astype(float)
 
     def usable(self, points: Array) -> NDArray[np.bool_]:
-        """Return which points (..., 2) of the plane, in the sheet's frame [m], are in the
-        photograph, with a resolution of more than 0.4 of that at the sheet's middle.
+        """Return a mask (...), true for the points (..., 2) of the plane, given in the sheet's
+        frame [m], that the photograph shows and whose smallest resolution over all directions is
+        more than 0.4 times `resolution`.
         """
         u, v = np.moveaxis(self.pixels(points), -1, 0)
         inside = (u > 0) & (u < self.camera.width) & (v > 0) & (v < self.camera.height)
@@ -106,8 +124,9 @@ class Photograph:
         return Rectangle(*(usable.min(axis=0) - cell), *(usable.max(axis=0) + cell))
 
     def part(self, *, with_sheet: bool) -> Rectangle:
-        """Return the largest rectangle of the plane, along the sheet's axes, all of which is
-        `usable`; unless `with_sheet`, it leaves out `paper`.
+        """Return the largest rectangle of the plane along the sheet's axes, in the sheet's frame
+        [m], in which all points are `usable`, found on a grid of 200 x 200 points. With
+        `with_sheet` false it does not overlap the rectangle `paper` around the sheet.
         """
         far = hypot(self.camera.width, self.camera.height) / (LEAST_DETAIL * self.resolution)
         around = Rectangle(-far, -far, far, far)
@@ -125,8 +144,11 @@ class Photograph:
         return Rectangle(left, bottom, right, top)
 
     def straightened(self, part: Rectangle) -> tuple[Image, float]:
-        """Return a part of the plane as seen from straight above, RGB (h, w, 3), and its resolution
-        [px/m]: that at the sheet, unless the picture would have more than 2048 px a side.
+        """Return the picture of a rectangle of the plane as seen from straight above, RGB, uint8
+        (h, w, 3), the sheet's +y up; and its resolution [px/m].
+
+        The resolution is that at the sheet's middle, or less, so that no side of the picture is
+        longer than 2048 px.
         """
         scale = min(self.resolution, LARGEST_SIDE / float(part.size.max()))
         width, height = np.maximum(np.rint(part.size * scale).astype(int), 1).tolist()
@@ -151,8 +173,8 @@ class Photograph:
 def largest_rectangle(
     usable: NDArray[np.bool_],
 ) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return the first and the last row, and the first and the last column, of the largest
-    rectangle of a mask (n, m) in which all is true.
+    """Return the largest rectangle of a mask (n, m) in which all entries are true, as (first row,
+    last row) and (first column, last column), both inclusive; all are 0 if no entry is true.
     """
     best = 0
     found = ((0, 0), (0, 0))

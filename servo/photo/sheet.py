@@ -1,4 +1,5 @@
-"""The sheet of tags that is printed and laid on a plane: where its tags are, and its drawing.
+"""The printable sheet of six AprilTags of the family 36h11 that is laid on a plane: positions of
+the tags, and a figure for printing.
 
 The sheet's frame has its origin in the sheet's middle, x to the right and y upwards.
 """
@@ -42,20 +43,28 @@ QUARTER = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2
 
 
 def tag_corners(number: int) -> Array:
-    """Return the corners (4, 2) of a tag's black square in the sheet's frame [m], from the upper
-    left one clockwise, as OpenCV numbers them.
+    """Return the corners (4, 2) of a tag's black square [m] in the sheet's frame (origin in the
+    middle, x right, y up): upper left, upper right, lower right, lower left.
+
+    Args:
+        number: Number of the AprilTag, 570 to 575.
+
+    Raises:
+        KeyError: The sheet has no tag of this number.
     """
     return np.array(MIDDLES[number]) + SIDE * QUARTER
 
 
 def cells_of(number: int) -> NDArray[np.bool_]:
-    """Return which cells of a tag are white (8, 8), from its upper left corner."""
+    """Return a mask (8, 8) that is true for the white cells of the AprilTag 36h11 with this number,
+    the uppermost row first; it includes the black border of one cell.
+    """
     return cv2.aruco.generateImageMarker(DICTIONARY, number, CELLS) > 0
 
 
 def drawn(paper: str) -> Figure:
-    """Return a figure, in true size, of the sheet of tags to be printed on the paper "a4" or
-    "letter".
+    """Return a matplotlib figure of the sheet of AprilTags, in true size, for printing on the paper
+    "a4" or "letter".
     """
     width, height = (MM * side for side in PAPERS[paper])
     figure = Figure(figsize=(width / MM / INCH, height / MM / INCH))

@@ -1,4 +1,6 @@
-"""Cameras and robots of ROS 2, reached by DDS (CycloneDDS, extra `ros2`) without installing ROS."""
+"""Clients of cameras and robots in ROS 2, by DDS (CycloneDDS, extra `ros2`) without installing
+ROS.
+"""
 
 from importlib.util import find_spec
 

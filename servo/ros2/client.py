@@ -1,4 +1,4 @@
-"""A camera and a robot of ROS 2, for a loop of servobench that drives them."""
+"""Clients of a camera and of a robot in ROS 2, with which a control loop in Python drives them."""
 
 import math
 import time
@@ -41,11 +41,12 @@ KEPT = 100
 
 
 class Camera:
-    """Client of a camera of ROS 2: reads its pictures (topic `image`, sensor_msgs/Image), its
-    calibration (`info`, CameraInfo) and, if `depth` is given, its depth pictures.
+    """Client of a camera in ROS 2: subscribes to its pictures (topic `image`, sensor_msgs/Image),
+    its calibration (topic `info`, sensor_msgs/CameraInfo) and, if `depth` is given, its depth
+    pictures (topic `depth`, sensor_msgs/Image).
 
-    A topic that ends with /compressed has CompressedImage. A depth picture is a sensor_msgs/Image
-    with the same size and stamp as the picture (ROS REP 118).
+    The message type of a topic `image` that ends with /compressed is CompressedImage. A depth
+    picture (ROS REP 118) needs the size of its picture, and the same stamp within 10 ms.
     """
 
     def __init__(
@@ -73,21 +74,25 @@ class Camera:
         self._last = -math.inf
 
     def calibration(self) -> values.Camera:
-        """Wait for the camera's calibration and return it.
+        """Wait for the next message with the camera's calibration, and return the camera's
+        intrinsics [px] and distortion.
 
         Raises:
-            Mistake: No calibration has come within 10 s, its distortion model is unknown, or it
-                does not belong to the whole picture.
+            Mistake: No calibration has come within 10 s, a value in it is wrong, its distortion
+                model is unknown, or its region of interest is not the whole picture.
         """
         return camera_of_info(first(self._info, self._topic), self._topic)
 
     def newest(self) -> Frame | None:
-        """Return the newest picture, or None if no newer one than the last returned comes within 20
-        ms. It has its depth picture, if there is a topic of these and the one with this stamp comes
-        within 20 ms.
+        """Return the newest picture, RGB, with its stamp as time [s], the number of pictures before
+        it, and its depth picture [m]. Return None if no picture comes within 20 ms whose stamp is
+        later than that of the last one returned.
+
+        The depth picture is None if the camera has none, or if none with the picture's stamp comes
+        within 20 ms; nan in it stands for unknown depth.
 
         Raises:
-            ValueError: A picture or depth picture is damaged or has an unknown encoding.
+            ValueError: The picture or depth picture is damaged, or has an unknown encoding.
         """
         for message in self._pictures.take_iter(timeout=WAITS):
             stamp = seconds(message.header.stamp)
@@ -112,9 +117,9 @@ class Camera:
 
 
 class Robot:
-    """Client of a robot of ROS 2, whose model is that of a scenario: reads sensor_msgs/JointState
-    (topic `joints`), and sends geometry_msgs/TwistStamped (topic `twist`) in the camera's optical
-    frame, named `frame` [m/s, rad/s].
+    """Client of a robot in ROS 2, whose kinematic model is the robot of a scenario: reads joint
+    states (topic `joints`, sensor_msgs/JointState), and sends camera twists (topic `twist`,
+    geometry_msgs/TwistStamped) [m/s, rad/s] in the camera's optical frame, which ROS calls `frame`.
     """
 
     def __init__(
@@ -143,8 +148,12 @@ class Robot:
         self._last: tuple[float, Pose] | None = None
 
     def posture(self, time: float) -> Posture:
-        """Return the robot's posture at the stamp of a picture [s], from the nearest joint state.
-        The posture's twist is the mean since the posture of the previous call, at first zero.
+        """Return the robot's posture (camera pose, joint positions and limits, Jacobian, camera
+        twist) by the received joint state whose stamp is nearest to the time of a picture [s since
+        1970].
+
+        The camera twist is in the camera's frame [m/s, rad/s]: the mean from the joint state of the
+        previous call to this one, zero at the first call and if the joint state is no newer.
 
         Raises:
             Mistake: No joint state has come within 10 s, or it lacks a joint of the model.
@@ -158,7 +167,8 @@ class Robot:
         return self._robot.posture(self._data, self._twist(seconds(state.header.stamp)))
 
     def go(self, twist: Array) -> None:
-        """Send a twist (6,) of the camera, in its own frame [m/s, rad/s], to the robot.
+        """Send the robot a camera twist (6,): linear velocity [m/s], then angular velocity [rad/s],
+        both in the camera's optical frame.
 
         Raises:
             Mistake: The twist is not six finite numbers; then nothing is sent.
@@ -167,7 +177,9 @@ class Robot:
         self._writer.write(stamped(finite, header(time.time(), self._frame)))
 
     def clock(self) -> float:
-        """Return the current time [s] on the clock of the stamps, that of this computer."""
+        """Return this computer's time [s since 1970], with which the stamps of the twists are
+        made.
+        """
         return time.time()
 
     def _twist(self, now: float) -> Array:

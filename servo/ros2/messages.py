@@ -1,4 +1,6 @@
-"""ROS 2 messages as DDS types, which are made from the definitions in the package `rosbags`."""
+"""DDS types of ROS 2 messages, made from the message definitions in the package `rosbags`, and
+conversions between messages and arrays.
+"""
 
 from functools import cache
 from typing import Any
@@ -37,7 +39,9 @@ SECOND = 1_000_000_000
 
 @cache
 def message(name: str) -> Message:
-    """Return the DDS type of a message of ROS 2 by its name, such as "sensor_msgs/Image"."""
+    """Return the DDS type (a class) of a ROS 2 message, given its name such as
+    "sensor_msgs/Image".
+    """
     package, _, short = name.partition("/")
     fields = {field: _type_of(*of) for field, of in FIELDS[f"{package}/msg/{short}"][1]}
     made: Message = make_idl_struct(short, f"{package}.msg.dds_.{short}_", fields)
@@ -73,33 +77,47 @@ Clock = message("rosgraph_msgs/Clock")
 
 
 def header(seconds: float, frame: str) -> Message:
-    """Return a std_msgs/Header with a stamp [s] and the name of a coordinate frame."""
+    """Return a std_msgs/Header with a stamp [s], rounded to 1 ns, and the name of a coordinate
+    frame.
+    """
     stamp = message("builtin_interfaces/Time")(*divmod(round(seconds * SECOND), SECOND))
     return message("std_msgs/Header")(stamp, frame)
 
 
 def seconds(stamp: Message) -> float:
-    """Return a builtin_interfaces/Time as a number [s]."""
+    """Return the time in a builtin_interfaces/Time, which counts seconds and nanoseconds, as one
+    number [s].
+    """
     return stamp.sec + stamp.nanosec / SECOND
 
 
 def stamped(twist: Array, at: Message) -> Message:
-    """Return a geometry_msgs/TwistStamped with a twist (6,) [m/s, rad/s] and the header `at`."""
+    """Return a geometry_msgs/TwistStamped with the std_msgs/Header `at` and a twist (6,): linear
+    velocity [m/s], then angular velocity [rad/s].
+    """
     linear, angular = map(message("geometry_msgs/Vector3"), *twist.reshape(2, 3).T.tolist())
     return TwistStamped(at, message("geometry_msgs/Twist")(linear, angular))
 
 
 def depth_message(depth: DepthPicture, at: Message) -> Message:
-    """Return a sensor_msgs/Image of a depth picture (H, W) [m] (ROS REP 118), with header `at`."""
+    """Return a depth picture (H, W) [m] as a sensor_msgs/Image (ROS REP 118, encoding 32FC1) with
+    the std_msgs/Header `at`.
+    """
     height, width = depth.shape
     return Image(at, height, width, METRES, 0, 4 * width, depth.astype("<f4").tobytes())
 
 
 def depth_of(message: Message, topic: str) -> DepthPicture:
-    """Return the depth picture (H, W) [m] in a sensor_msgs/Image (ROS REP 118); unknown depth: nan.
+    """Return the depth picture, float32 (H, W) [m], in a sensor_msgs/Image (ROS REP 118). An
+    unknown depth, 0 in the message, becomes nan.
+
+    Args:
+        message: The sensor_msgs/Image.
+        topic: Its topic, for error messages.
 
     Raises:
-        Mistake: The encoding is neither 32FC1 nor 16UC1, or the message is damaged.
+        Mistake: The encoding is neither 32FC1 [m] nor 16UC1 [mm], or the message has too little
+            data for its size.
     """
     check_known([message.encoding], DEPTHS, topic, "encoding of depth")
     number, unit = DEPTHS[message.encoding]

@@ -1,4 +1,4 @@
-"""A node of ROS 2, with DDS readers and writers of topics."""
+"""A node of ROS 2, which makes DDS readers and writers of topics."""
 
 import os
 
@@ -22,7 +22,9 @@ BLOCKS = duration(milliseconds=5)
 
 
 class Node:
-    """A node of ROS 2: a DDS participant in the domain ROS_DOMAIN_ID (default: 0)."""
+    """A node of ROS 2: a DDS participant in the domain that the environment variable ROS_DOMAIN_ID
+    gives (0 if it is not set), which makes readers and writers of topics.
+    """
 
     def __init__(self) -> None:
         """Join the DDS domain.
@@ -40,14 +42,16 @@ class Node:
             ) from None
 
     def writer(self, topic: str, kind: Message) -> DataWriter[Message]:
-        """Return a reliable writer of a topic, which reliable and best-effort readers can read; it
-        keeps the newest message, and waits up to 5 ms for a slow reader.
+        """Return a writer of a topic, by name, for messages of the DDS type `kind`. It is reliable,
+        so that reliable and best-effort readers can read it; it keeps the newest message only, and
+        waits up to 5 ms for a slow reader.
         """
         qos = Qos(Policy.Reliability.Reliable(BLOCKS), Policy.History.KeepLast(1))
         return DataWriter(self._participant, self._topic(topic, kind), qos)
 
     def reader(self, topic: str, kind: Message, depth: int = 1) -> DataReader[Message]:
-        """Return a best-effort reader of a topic, which can read all writers and keeps the newest
+        """Return a reader of a topic, by name, for messages of the DDS type `kind`. It is
+        best-effort, so that it can read reliable and best-effort writers, and keeps the newest
         `depth` messages.
         """
         qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(depth))
@@ -58,7 +62,8 @@ class Node:
 
 
 def first(reader: DataReader[Message], topic: str) -> Message:
-    """Wait for a reader's next message and return it; `topic` is for the error.
+    """Wait for the next message of a reader, remove it from the reader and return it; `topic` is
+    the topic's name for the error message.
 
     Raises:
         Mistake: No message has come within 10 s.

@@ -1,4 +1,6 @@
-"""A simulated camera and robot for an external controller in ROS 2, in real time."""
+"""A simulated camera and robot in ROS 2, which a controller in another process drives in real
+time.
+"""
 
 import sys
 import time
@@ -35,11 +37,13 @@ WHOLE = RegionOfInterest(0, 0, 0, 0, False)
 
 
 class Server:
-    """A simulated camera and robot in ROS 2: a controller that commands the twists received there,
-    and an output that publishes each step of the run.
+    """A simulated camera and robot that a controller in another process drives by ROS 2, in real
+    time.
 
-    The run's time begins with the first twist. A picture is published at its time; the newest twist
-    one frame interval later acts from then on.
+    A run uses one object of this class as its controller, which commands the twists received by ROS
+    2, and as an output, which publishes each step (picture, joints, ...) to ROS 2. The run's time
+    begins with the first valid twist. Each picture is published at its time; the newest twist that
+    has come one frame interval later moves the camera from then on.
     """
 
     SETTINGS = ("tracker.kind=truth", "estimator.kind=none", "run.latency=0")
@@ -63,30 +67,31 @@ class Server:
         """Refusals that were printed."""
 
     def serving(self, episode: Episode) -> Self:
-        """Store the joint names of a run and the camera calibration that its controller assumes,
-        which `add` publishes with the steps; return the server.
+        """Store what `add` publishes beside the steps of an episode: the robot's joint names, and
+        the camera calibration that a controller is to assume. Return this server.
         """
         self._camera = episode.world.camera_believed
         self._names = list(episode.world.robot.names)
         return self
 
     def start(self, task: Task) -> None:
-        """Do nothing: the external controller does not need the run's task (goal, features,
-        estimator).
+        """Do nothing: the controller in the other process does not need the task of the run (goal,
+        features, estimator).
         """
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the newest camera twist from ROS 2 [m/s, rad/s]; zeros if it is older than 0.3 s
-        or was refused. The arguments are not used.
+        """Return the newest camera twist (6,) from ROS 2, in the camera's frame [m/s, rad/s]. It is
+        zero if none has come in the last 0.3 s, or if the newest was refused (another frame, or a
+        number that is not finite). The arguments are not used.
         """
         self._listen()
         is_new = time.monotonic() < self._heard + DEAD_MAN
         return Command(self._twist if is_new else np.zeros(6))
 
     def add(self, step: Step) -> None:
-        """Publish a step (picture, depth picture, calibration, joints, time), and wait in real time
-        until the next one is due. At the first step wait for a twist, and publish the step again
-        every frame interval.
+        """Publish a step of the run (time, calibration, joints, depth picture, picture), and wait
+        in real time until the next step is due. The first step is published again every frame
+        interval until a valid twist arrives.
         """
         self.publish(step)
         if self._began is None:
@@ -99,10 +104,10 @@ class Server:
         time.sleep(max(0.0, due - time.monotonic()))
 
     def close(self) -> None:
-        """Do nothing: the topics end with the process."""
+        """Do nothing at the end of a run: the topics end with the process."""
 
     def abandon(self) -> None:
-        """Do nothing when a run ends with an error: the topics end with the process."""
+        """Do nothing; called when a run ends with an error. The topics end with the process."""
 
     def _listen(self) -> bool:
         """Read the newest twist; return True if there is one and it is valid.
@@ -124,8 +129,9 @@ class Server:
         return False
 
     def publish(self, step: Step) -> None:
-        """Send a step's time, calibration, joints, depth picture and picture, in this order, to
-        their topics of ROS 2; if a reader is too slow, the rest is not sent.
+        """Send a step of the run to its topics of ROS 2: time, calibration, joint positions and
+        rates, depth picture (if the step has one) and picture, in this order. If a reader is too
+        slow, the rest of the step is left out.
         """
         at = header(step.frame.time, FRAME)
         image = step.frame.image

@@ -171,8 +171,8 @@ class CameraConfig:
 
     @property
     def lens(self) -> Distortion | None:
-        """The lens distortion; None without one, and for a plumb_bob or rational distortion with
-        zeros only.
+        """The distortion of the lens that these settings give; None without one, and for a
+        plumb_bob or rational distortion whose coefficients are all zero.
         """
         if self.distortion is None:
             return None
@@ -181,8 +181,8 @@ class CameraConfig:
 
 
 def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera:
-    """Return the pinhole intrinsics of a MuJoCo model's camera, by its name, for images of width x
-    height [px].
+    """Return the pinhole intrinsics [px] of a camera of a MuJoCo model, given the camera's name,
+    for images of width x height [px].
 
     A camera with a sensor size has its focal length and principal point in metres on the sensor,
     which the image fills; all others have a vertical field of view, square pixels, and the
@@ -210,9 +210,10 @@ def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera
 
 
 def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
-    """Return the intrinsics of a MuJoCo model's camera, by its name; values that the settings give
-    replace those of the model. A vertical field of view, without a focal length in the settings or
-    a sensor size in the model, is that of the picture with the distortion.
+    """Return the intrinsics [px] and the distortion of a camera of a MuJoCo model, given the
+    camera's name. Focal lengths, principal point and field of view in the settings replace those of
+    the model. A vertical field of view, where it gives the focal length, is that of the distorted
+    image.
 
     Raises:
         ValueError: The distortion or the field of view cannot be rendered, the model's camera is
@@ -245,8 +246,8 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
 
 
 def border(camera: Camera) -> Array:
-    """Return the image coordinates (n, 2), u, v [px], of points 1 px apart along the four borders
-    of a camera's image.
+    """Return the pixel coordinates (n, 2), u, v [px], of points 1 px apart along the four borders
+    of a camera's image, of which the upper left corner is (0, 0).
     """
     u = np.arange(camera.width + 1.0)
     v = np.arange(camera.height + 1.0)

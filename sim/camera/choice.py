@@ -10,8 +10,9 @@ from sim.camera.renderer import MakeRenderer, OpenGLRenderer
 
 
 def renderer_of(config: CameraConfig) -> MakeRenderer:
-    """Return the function that makes the renderer of a camera's settings: OpenGL, or the software
-    renderer "exact", also on a machine without OpenGL, which a line on stderr says once.
+    """Return the function that makes the renderer which a camera's settings ask for: the OpenGL
+    renderer, or the software renderer "exact". On a machine without OpenGL it is always "exact"; if
+    OpenGL was asked for, a line on stderr says so, once.
 
     Raises:
         ValueError: `config.renderer` is "recording": only a scenario with a table [recording] has

@@ -1,4 +1,4 @@
-"""A simulated depth sensor: range limits, noise and holes are added to exact depth pictures."""
+"""A simulated depth sensor, which gives exact depth pictures a limited range, noise and holes."""
 
 from typing import final
 
@@ -20,8 +20,9 @@ AROUND = np.ones((3, 3), np.uint8)
 
 @final
 class DepthSensor:
-    """Converts exact depth pictures to those of a sensor with noise, which `rng` draws, holes and a
-    limited range.
+    """A simulated depth sensor: turns exact depth pictures into those that a sensor with noise,
+    holes at edges and a limited range would measure, as the camera's settings `config` say; `rng`
+    draws the noise.
     """
 
     def __init__(self, config: CameraConfig, rng: np.random.Generator) -> None:
@@ -30,9 +31,10 @@ class DepthSensor:
         self._rng = rng
 
     def develop(self, exact: DepthPicture) -> DepthPicture:
-        """Return the sensor's read-only depth picture (H, W) [m] for exact depths (H, W) [m]; nan
-        where the sensor measures no depth: where no surface is, outside its range, and within
-        `depth_holes` px of an edge between near and far.
+        """Return the depth picture, float32 (H, W) [m], that the sensor measures, given the exact
+        depths (H, W) [m]; the result is read-only. It is nan where no surface is (an exact depth of
+        inf), outside the sensor's range, and within `depth_holes` px of an edge between near and
+        far.
 
         The noise of a depth z has the standard deviation `depth_noise` z^2: that of a triangulation
         whose disparity has a constant noise (Khoshelham and Elberink 2012, Accuracy and resolution

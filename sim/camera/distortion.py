@@ -92,21 +92,21 @@ class Distortion:
 
     @property
     def folds(self) -> bool:
-        """True if the formula folds back, which maps two rays to one pixel, within 85 deg of the
-        optical axis.
+        """True if the formula folds back within 85 deg of the optical axis, that is, if it maps two
+        rays to one pixel there.
         """
         return self.reach < np.tan(np.radians(WIDEST))
 
     def bend(self, rays: Array) -> Array:
         """Return the distorted normalised image coordinates (..., 2) of undistorted ones (..., 2),
-        which are x = X/Z, y = Y/Z in the camera frame; beyond the radius `reach` in proportion to
-        the radius.
+        which are x = X/Z, y = Y/Z in the camera frame. Beyond the radius `reach` the distorted
+        coordinates grow in proportion to the radius.
         """
         return _extended(self, rays)[0]
 
     def straighten(self, bent: Array) -> Array:
         """Return the undistorted normalised image coordinates (..., 2), x = X/Z, y = Y/Z in the
-        camera frame, of distorted ones (..., 2), by Newton's method.
+        camera frame, of distorted ones (..., 2): the inverse of `bend`, by Newton's method.
         """
         radii, lengths = _radii(self)
         length = np.hypot(bent[..., 0], bent[..., 1])

@@ -69,8 +69,8 @@ class NoRenderer(RuntimeError):
 
 def backend() -> str:
     """Return MuJoCo's name of the OpenGL back end for this machine: 'egl' or 'osmesa' on Linux,
-    'glfw' elsewhere. Set LP_NUM_THREADS, the number of threads of Mesa's rasteriser, to 0 if it is
-    not set.
+    'glfw' elsewhere. As a side effect, set the environment variable LP_NUM_THREADS (threads of
+    Mesa's software rasteriser) to 0 if it is not set.
 
     Raises:
         NoRenderer: A library or a driver is missing, or MUJOCO_GL switches rendering off.
@@ -96,8 +96,8 @@ def backend() -> str:
 
 @functools.cache
 def is_there() -> bool:
-    """Return whether this machine has OpenGL; if not, say on stderr that the renderer "exact" is
-    used, once for this process and those that it starts.
+    """Return whether this machine has OpenGL. If not, say on stderr that the renderer "exact" is
+    used; the line appears once for this process and the processes that it starts.
     """
     try:
         backend()
@@ -112,11 +112,12 @@ def is_there() -> bool:
 
 
 def check_environment() -> None:
-    """Check the value of MUJOCO_GL before MuJoCo is imported, and remove PYOPENGL_PLATFORM from the
-    environment.
+    """Check the environment variable MUJOCO_GL, and remove the variable PYOPENGL_PLATFORM; to be
+    called before MuJoCo is imported.
 
     Raises:
-        NoRenderer: MUJOCO_GL names a back end that does not exist, or is not on this machine.
+        NoRenderer: MUJOCO_GL names an OpenGL back end that does not exist, or whose libraries are
+            missing on this machine.
     """
     asked = _asked()
     if asked not in KNOWN:
@@ -138,8 +139,9 @@ def call(function: Callable[..., Result], *args: object) -> Future[Result]:
     runs in the calling thread, before this returns.
 
     Raises:
-        NoRenderer: A library is missing, rendering is switched off, or OpenGL makes no context; on
-            Linux the future's result raises it, and the function's own errors.
+        NoRenderer: A library is missing, rendering is switched off, or OpenGL makes no context. On
+            Linux `result()` of the future raises this error, and any error of the function;
+            elsewhere this call raises both.
     """
     if sys.platform != "linux":  # GLFW makes contexts in the main thread only
         done: Future[Result] = Future()
@@ -149,8 +151,8 @@ def call(function: Callable[..., Result], *args: object) -> Future[Result]:
 
 
 def call_later(function: Callable[..., object], *args: object) -> None:
-    """Queue a function that is to run where this process's OpenGL context is current, before the
-    next `call`; return at once.
+    """Queue a function that is to run before the next `call`, where this process's OpenGL context
+    is current; return at once.
 
     It takes no lock: the garbage collector may close an abandoned run in any thread, even while
     that thread asks for a picture.
@@ -160,8 +162,8 @@ def call_later(function: Callable[..., object], *args: object) -> None:
 
 
 def rendering() -> ThreadPoolExecutor:
-    """Return the executor whose single thread renders for this process; a fork waits until it is
-    idle.
+    """Return the executor whose single thread renders for this process; `os.fork` waits until this
+    thread is idle.
     """
     if os.getpid() not in RENDERING:
         pool = ThreadPoolExecutor(1, "rendering")
@@ -199,7 +201,8 @@ def _make_context(name: str) -> None:
 
 
 def describe() -> str:
-    """Return the name and version of the OpenGL driver, as the driver reports them.
+    """Return the OpenGL renderer's name and the OpenGL version as one text, "NAME, VERSION", as the
+    driver reports them.
 
     Raises:
         NoRenderer: This machine has no OpenGL, or rendering is switched off.
@@ -208,7 +211,9 @@ def describe() -> str:
 
 
 def has_gpu() -> bool:
-    """Return whether OpenGL renders on a GPU, not by one of Mesa's rasterisers."""
+    """Return True if OpenGL renders on a GPU; False if one of Mesa's software rasterisers renders,
+    or if there is no OpenGL.
+    """
     try:
         backend()
         return not describe().startswith(RASTERISERS)
@@ -223,8 +228,9 @@ def _names() -> str:
 
 
 def finish() -> None:
-    """On Linux, wait until OpenGL has drawn everything, while other Python threads run; they would
-    have to wait while MuJoCo reads pixels. On other systems, do nothing.
+    """On Linux, wait until OpenGL has drawn everything, while other Python threads can run;
+    MuJoCo's reading of pixels would wait for this too, but stop these threads. On other systems, do
+    nothing.
     """
     if sys.platform == "linux":
         _opengl().glFinish()

@@ -30,8 +30,9 @@ GAINS = 1 / 8, 8.0
 
 @final
 class Lens:
-    """Applies the distortion of a camera's lens to pictures of the pinhole camera `view`, which
-    covers all that the camera sees; without distortion, returns them unchanged.
+    """Applies the distortion of a camera's lens to rendered pictures. They have to be those of the
+    undistorted pinhole camera in the attribute `view`, which covers all that the camera sees;
+    without distortion `view` is the camera itself, and pictures are returned unchanged.
     """
 
     def __init__(self, camera: Camera) -> None:
@@ -47,8 +48,9 @@ class Lens:
             self._maps = np.ascontiguousarray(np.moveaxis(places, -1, 0), np.float32)
 
     def bend(self, picture: np.ndarray, rows: slice = ALL) -> np.ndarray:
-        """Return the camera's distorted picture (H, W, 3) of a rendered pinhole picture (h, w, 3);
-        `rows` selects rows of the distorted picture, by default all.
+        """Return the camera's distorted picture, RGB (H, W, 3), given the rendered picture (h, w,
+        3) of the pinhole camera `view`. `rows` selects rows of the distorted picture; by default
+        all are returned.
         """
         if self._maps is None:
             return picture if rows is ALL else picture[rows]
@@ -59,9 +61,9 @@ class Lens:
         return cv2.cvtColor(bent, cv2.COLOR_RGBA2RGB)
 
     def nearest(self, depth: DepthPicture) -> DepthPicture:
-        """Return the camera's distorted depth picture (H, W) [m] of a rendered pinhole depth
-        picture [m]. Each pixel has the depth of the nearest rendered pixel: a mean across an edge
-        would be the distance of no surface.
+        """Return the camera's distorted depth picture (H, W) [m], given the rendered depth picture
+        (h, w) [m] of the pinhole camera `view`. Each pixel has the depth of the nearest rendered
+        pixel, because a mean across an edge would be the distance of no surface.
         """
         if self._maps is None:
             return depth
@@ -70,8 +72,8 @@ class Lens:
         )
 
     def count(self, mask: NDArray[np.bool_]) -> int:
-        """Return the number of pixels in the camera's distorted picture at which a mask (rows,
-        columns) of the rendered pinhole picture is set.
+        """Return the number of pixels of the camera's distorted picture at which a mask (h, w),
+        rendered for the pinhole camera `view`, is true.
         """
         if self._maps is None:
             return int(mask.sum())
@@ -93,9 +95,11 @@ def _view(camera: Camera) -> Camera:
 
 
 class Sensor:
-    """Makes camera frames from rendered pinhole pictures: exposure, lens distortion, gain and
-    noise. With a rolling shutter, `bands` gives the rendered pictures of which each row is the
-    mean; `rng` draws the noise.
+    """Makes camera frames from rendered pinhole pictures: motion blur or rolling shutter, lens
+    distortion, brightness, noise and automatic gain, by the settings `config`.
+
+    `bands` are the exposures of a frame (`sim.timing.exposures`): groups of rows, and the physics
+    steps whose pictures they are the mean of. `rng` draws the noise.
     """
 
     def __init__(
@@ -125,9 +129,10 @@ class Sensor:
             self._noise = rng.normal(0.0, config.noise, tile).astype(np.float32)
 
     def develop(self, pictures: list[Image], gain: float) -> Image:
-        """Return the read-only frame (H, W, 3) from the pictures rendered in one frame interval, in
-        order of time; `gain` is a factor on their brightness, beside the camera's own. An automatic
-        gain is applied too, and adapted for the next frame.
+        """Return the frame, RGB, uint8 (H, W, 3), read-only, that the sensor makes of the pictures
+        (h, w, 3) rendered in one frame interval, in order of time. `gain` is a factor on their
+        brightness, beside the brightness in the camera's settings. An automatic gain is applied
+        too, and adapted for the next frame.
 
         The first interval of a run has one picture only. The lens distorts the mean of the
         pictures, which is the same as to distort each of them.

@@ -35,8 +35,8 @@ PIXEL = 1e-5
 
 
 def camera_pose(data: mujoco.MjData, camera: int) -> Pose:
-    """Return T_world_camera (x right, y down, z forward) of a camera, by its id, as MuJoCo computed
-    it last in `data`.
+    """Return the pose T_world_camera (camera frame: x right, y down, z forward) of a model's
+    camera, by its id, as MuJoCo computed it last in `data`.
     """
     return Pose(
         data.cam_xmat[camera].reshape(3, 3) @ VISION_FROM_MUJOCO, data.cam_xpos[camera].copy()
@@ -56,12 +56,13 @@ DepthPromise = Callable[[], DepthPicture]
 
 
 class Renderer(Protocol):
-    """Renders pinhole pictures of a scene; `World` takes any class that has these methods, and
-    calls `begin_depth` only where the camera has depth pictures.
+    """Renders pinhole pictures of a MuJoCo scene for one camera. The simulation takes any class
+    that has these methods, and calls `begin_depth` only if the camera has depth pictures.
     """
 
     def begin(self, data: mujoco.MjData) -> Promise:
-        """Begin a picture of the scene in `data`, which may change afterwards.
+        """Begin to render the scene in MuJoCo's state `data`, which may change afterwards; called
+        once for each picture.
 
         Returns:
             Function that waits for the picture and returns it, a new RGB array (H, W, 3).
@@ -69,17 +70,19 @@ class Renderer(Protocol):
         ...
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        """Return a mask (H, W), true where the picture shows one of the given geoms.
+        """Return a mask (H, W), true where the picture of the scene shows one of the selected
+        geoms; called when the visible fraction of the target is measured.
 
         Args:
-            data: The scene as it is.
-            geoms: Mask over the ids of all geoms (ngeom,), true for the given ones.
-            alone: Draw these geoms only.
+            data: MuJoCo's state of the scene.
+            geoms: Mask over the ids of all geoms (ngeom,), true for the selected ones.
+            alone: Whether to draw the selected geoms only, so that no other geom hides them.
         """
         ...
 
     def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
-        """Begin a depth picture of the scene in `data`, which may change afterwards.
+        """Begin to render the depths of the scene in MuJoCo's state `data`, which may change
+        afterwards; called once for each depth picture.
 
         Returns:
             Function that waits for the distances along the optical axis (H, W) [m] and returns
@@ -88,7 +91,7 @@ class Renderer(Protocol):
         ...
 
     def close(self) -> None:
-        """Release the buffers that the renderer holds."""
+        """Release the buffers that the renderer holds; called when the simulation ends."""
 
 
 MakeRenderer = Callable[[mujoco.MjModel, str, Camera], Renderer]
@@ -101,8 +104,13 @@ T = TypeVar("T")
 
 class OpenGLRenderer:
     """MuJoCo's OpenGL renderer, off screen, for a camera of a model (by its name) with the
-    intrinsics `view`, which are written into the model. It holds OpenGL buffers until it is closed,
-    and renders only in the process that made it; without OpenGL it raises NoRenderer.
+    intrinsics `view`, which are written into the model. It has the methods of the protocol
+    `Renderer`.
+
+    It holds OpenGL buffers until it is closed, and renders only in the process that made it.
+
+    Raises:
+        NoRenderer: This machine has no OpenGL, or MuJoCo cannot render with it.
     """
 
     def __init__(self, model: mujoco.MjModel, camera: str, view: Camera) -> None:
@@ -232,9 +240,10 @@ class _Sheet:
 
 
 class Supersampled:
-    """A renderer with the intrinsics `view` that has another renderer, from `make`, draw pictures
-    which are `times` times as wide and high, and averages blocks of their pixels; masks and depths
-    take the middle pixel of a block.
+    """A renderer for a camera of a model (by its name) with the intrinsics `view` that averages
+    blocks of `times` x `times` pixels: another renderer, which `make` makes, draws pictures that
+    are `times` times as wide and high. Masks and depths are not averaged, but take the middle pixel
+    of a block.
     """
 
     def __init__(
@@ -274,8 +283,8 @@ class Supersampled:
 
 
 class Unseen:
-    """A renderer whose pictures are black, masks false and depths infinite, at no cost, for runs in
-    which no part uses pictures.
+    """A renderer that draws nothing, for runs in which no component uses pictures: its pictures are
+    black and as large as the intrinsics `view` say, its masks false and its depths inf.
     """
 
     def __init__(self, _model: mujoco.MjModel, _camera: str, view: Camera) -> None:
@@ -295,8 +304,8 @@ class Unseen:
 
 
 class Backdrop:
-    """Finds out for each picture, with the intrinsics `view`, whether the table fills it: sky and
-    floor then need not be drawn, which saves a third of the rendering time.
+    """Tells for each picture of a camera with the intrinsics `view` whether the scene's table fills
+    it. Sky and floor then need not be drawn, which saves a third of the rendering time.
     """
 
     def __init__(self, model: mujoco.MjModel, view: Camera) -> None:
@@ -312,9 +321,9 @@ class Backdrop:
         """The picture's corners (3, 4) in MuJoCo's camera frame, at distance 1."""
 
     def is_hidden(self, data: mujoco.MjData, camera: int) -> bool:
-        """Return whether the table hides sky and floor from a camera (by id): it does if the lines
-        of sight through the picture's four corners all end on the table, more than 1 cm from its
-        edge, and none of these ends is nearer than 5 cm along the optical axis.
+        """Return whether the table hides sky and floor from a camera (by its id) in MuJoCo's state
+        `data`. It does if the rays through the picture's four corners all meet the table more than
+        1 cm from its edge, and at a depth of at least 5 cm along the optical axis.
         """
         eye = data.cam_xpos[camera]
         rays = data.cam_xmat[camera].reshape(3, 3) @ self._corners

@@ -1,6 +1,6 @@
 """Package of the disturbances of a run (light, occlusion, a second target, dropped frames), one
 module each: `Config.build(rng)` returns an object with `at(time) -> Effect`, and `props`, the names
-of the models that it needs in the scene.
+of the things that it needs in the scene: "second_target" or "spot".
 """
 
 from __future__ import annotations

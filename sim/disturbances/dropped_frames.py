@@ -23,8 +23,8 @@ class Config:
     """Share of the time in which frames are dropped."""
 
     def build(self, rng: np.random.Generator) -> "DroppedFrames":
-        """Return the disturbance, which drops frames at times that a seed, drawn from the
-        generator, determines.
+        """Return the disturbance; the times at which it drops frames follow from a seed that is
+        drawn from `rng`.
         """
         return DroppedFrames(self.share, int(rng.integers(2**31)))
 

@@ -1,3 +1,3 @@
-"""Files that a user names: reading them and pictures in them, warnings about them, and finding
-shipped models, ROS packages and files that others refer to.
+"""Files that a user names: reading of files and of pictures, warnings about files, and the search
+for shipped models, ROS packages and files that other files refer to.
 """

@@ -1,4 +1,4 @@
-"""All files that a file refers to, directly or through other files.
+"""The search for all files that a file refers to, directly or through other files.
 
 MJCF and URDF name meshes, pictures and other models; OBJ names materials, and these name pictures;
 ONNX names files with weights. Names are looked for in more folders than a program that reads the
@@ -31,8 +31,8 @@ and 2 of the message, both of bytes. It is found in any graph, at any depth."""
 
 
 def files_behind(path: Path) -> set[Path]:
-    """Return the paths of a file and of all existing files that it refers to, directly or through
-    others.
+    """Return the path of a file, and the resolved paths of all existing files that it refers to,
+    directly or through others: those that an MJCF, URDF, OBJ, MTL, glTF or ONNX file names.
 
     Raises:
         OSError: A file cannot be read.

@@ -13,10 +13,11 @@ WHITE = 255
 
 class BitDepth:
     """The number of bits that the 16-bit pictures of one source, such as a camera, use: 8, 10, 12,
-    14 or 16.
+    14 or 16. One object is used for all pictures of the source, in their order.
 
-    It is the smallest of these that holds the largest value of the first picture that is not black,
-    and the same for all later pictures, so that a brightness keeps its value.
+    The number is the smallest of these that holds the largest value of the first picture that is
+    not black. It stays the same for all later pictures, so that equal light gives equal grey
+    levels.
     """
 
     used: int | None = None
@@ -25,8 +26,9 @@ class BitDepth:
     """A sentence for the user if fewer than 16 bits are used."""
 
     def uses_all(self, deep: NDArray[np.uint16]) -> bool:
-        """Return whether the source of a uint16 picture (H, W, ...) uses all 16 bits. The first
-        picture that is not black decides; until then the answer is no.
+        """Return True if the source of a uint16 picture (H, W, ...) uses all 16 bits, False if it
+        uses fewer. The first picture that is not black decides, and sets `used`; before it the
+        result is False.
         """
         largest = int(deep.max(initial=0))
         if self.used is None and largest > 0:
@@ -40,7 +42,8 @@ class BitDepth:
 
     def reduced(self, deep: NDArray[np.uint16]) -> Image:
         """Return a uint16 picture (H, W, ...) as uint8: the highest 8 of the bits that its source
-        uses, which the first picture that is not black determines; larger values become 255.
+        uses. The first picture that is not black determines these bits, and sets `used`; values
+        that are too large for them become 255.
         """
         self.uses_all(deep)
         shift = (self.used or DEEP) - 8

@@ -10,7 +10,7 @@ class Notice(UserWarning):
 
 @functools.cache  # a part is built several times, but warns once
 def notice(sentence: str, kind: type[Notice] = Notice) -> None:
-    """Warn the user with a sentence, as a warning of class `kind`; a sentence that this process has
-    warned with before is left out.
+    """Issue a Python warning of class `kind` with a sentence for the user; a sentence that this
+    process has issued before is left out.
     """
     warnings.warn(sentence, kind, stacklevel=3)

@@ -28,21 +28,26 @@ def parted(name: str) -> tuple[str, str]:
 
 
 def is_file(path: Path) -> bool:
-    """Return whether a path is a file; false for a name that no file can have."""
+    """Return whether a path is an existing file, or a link to one; False for a path that no file
+    can have.
+    """
     return os.path.isfile(path)  # noqa: PTH113 (Path's raises for such a name)
 
 
 def folders_above(model: Path) -> list[Path]:
-    """Return the folders above a file, the nearest first; for a link, also those above its
-    target.
+    """Return the folders above a file, the nearest first; if the path has links, followed by the
+    folders above the file to which it leads.
     """
     return list(dict.fromkeys((*model.absolute().parents, *model.resolve().parents)))
 
 
 def package_folder(model: Path, package: str, inside: str) -> Path | None:
-    """Return the folder of a ROS package near a model file: above it, beside the folders above it,
-    or up to two levels below the nearest four of them. The package has to contain the file
-    `inside`. Return None if there is no such folder.
+    """Return the folder of the ROS package called `package` that contains the file `inside` (a
+    relative path), near a model file; None if there is none. Folders whose package.xml gives this
+    name come first, then those that are themselves called so.
+
+    Searched are the folders above the model, the places in each of them where the package may lie
+    or be installed, and all folders up to two levels below the nearest four of them.
     """
     having = (folder for folder in _around(model, package) if is_file(folder / inside))
     own = next((folder for folder in having if _name_of(folder) == package), None)

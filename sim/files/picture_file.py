@@ -25,10 +25,11 @@ def read_image(file: Path, depth: BitDepth | None = None) -> Image:
     Args:
         file: Path of the picture file.
         depth: Number of bits that 16-bit pictures of the same source use, which the first picture
-            determines; None: this picture alone determines it.
+            determines and later ones share; None: this picture alone determines it.
 
     Raises:
-        ValueError: The file cannot be read or decoded, or the picture is too large.
+        ValueError: The file cannot be read or decoded, has more than 1 GB, or has a side of more
+            than 16,384 px.
     """
     data = reading.content(file, "picture", LARGEST_FILE)
     try:
@@ -39,10 +40,11 @@ def read_image(file: Path, depth: BitDepth | None = None) -> Image:
 
 def read_on_white(file: Path) -> Image:
     """Return the picture in a file as RGB (H, W, 3), uint8, made smaller if a side is longer than
-    `LARGEST_SIDE` (2048 px). Where it is transparent, white shows through.
+    2048 px (`LARGEST_SIDE`). Where the picture is transparent, white shows through.
 
     Raises:
-        ValueError: As for `read_image`.
+        ValueError: The file cannot be read or decoded, has more than 1 GB, or has a side of more
+            than 16,384 px.
     """
     image = shrunk(read_image(file))
     with silent_libraries():
@@ -56,8 +58,8 @@ def read_on_white(file: Path) -> Image:
 
 
 def shrunk(image: np.ndarray, largest: int = LARGEST_SIDE) -> np.ndarray:
-    """Return a picture (H, W, ...) with at most `largest` px a side: a larger one is made smaller,
-    by means of its pixels.
+    """Return a picture (H, W, ...) whose longer side is at most `largest` px: a larger picture is
+    made smaller by averaging its pixels, another one is returned as it is.
     """
     side = max(image.shape[:2])
     if side <= largest:
@@ -73,10 +75,10 @@ def decoded(data: bytes, depth: BitDepth | None = None) -> Image:
     Args:
         data: Content of the file.
         depth: Number of bits that 16-bit pictures of the same source use, which the first picture
-            determines; None: this picture alone determines it.
+            determines and later ones share; None: this picture alone determines it.
 
     Raises:
-        ValueError: The picture cannot be decoded, or is too large.
+        ValueError: The picture cannot be decoded, or has a side of more than 16,384 px.
     """
     depth = depth or BitDepth()
     as_eight = cv2.IMREAD_COLOR
@@ -106,7 +108,7 @@ def _read(data: bytes, flags: int) -> np.ndarray:
 
 
 def check_size(width: int, height: int, what: str = "the picture") -> None:
-    """Check that the sides of a picture [px] are at least 1 and at most 16,384; `what` names the
+    """Check that width and height of a picture are each from 1 to 16,384 px; `what` names the
     picture in the message.
 
     Raises:
@@ -119,7 +121,9 @@ def check_size(width: int, height: int, what: str = "the picture") -> None:
 
 
 def rgb(image: np.ndarray) -> Image:
-    """Return an OpenCV picture of 8 bits (grey, BGR or BGRA) as RGB (H, W, 3), read-only."""
+    """Return a picture in OpenCV's convention, uint8, grey (H, W), BGR or BGRA (H, W, 3 or 4), as
+    RGB (H, W, 3), read-only; an alpha channel is left out.
+    """
     channels = 1 if image.ndim == 2 else image.shape[2]
     code = {1: cv2.COLOR_GRAY2RGB, 4: cv2.COLOR_BGRA2RGB}.get(channels, cv2.COLOR_BGR2RGB)
     turned = cv2.cvtColor(image, code).astype(np.uint8, copy=False)

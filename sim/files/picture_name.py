@@ -12,13 +12,14 @@ SKIMAGE = "skimage:"
 
 
 def picture_named(name: str, folder: str, setting: str) -> Image:
-    """Return the picture that a setting names as RGB (H, W, 3), at most 2048 px a side; where it is
-    transparent, white shows through.
+    """Return the picture that a setting of a scenario names, as RGB (H, W, 3), uint8, at most 2048
+    px a side; where it is transparent, white shows through.
 
     Args:
-        name: A path, the bare name of a shipped picture, or `skimage:NAME`.
-        folder: Folder of the shipped pictures in `scenes`.
-        setting: Name of the setting in messages.
+        name: A path, the bare name of a shipped picture, or `skimage:NAME` for a picture of
+            scikit-image.
+        folder: Folder of the shipped pictures in the package `scenes`, such as "grounds".
+        setting: Name of the setting, for error messages.
 
     Raises:
         ValueError: There is no such picture, or it cannot be read.
@@ -32,12 +33,12 @@ def picture_named(name: str, folder: str, setting: str) -> Image:
 
 
 def packaged(name: str, setting: str) -> Path:
-    """Return the path of a picture in scikit-image's package by its name `skimage:NAME`. Nothing is
-    imported or downloaded: the pictures are files of the installed package.
+    """Return the path of a picture file in the installed package scikit-image. Nothing is imported
+    or downloaded.
 
     Args:
-        name: The name.
-        setting: Name of the setting in messages.
+        name: `skimage:NAME`, where NAME is the file's name without its suffix.
+        setting: Name of the setting that names the picture, for error messages.
 
     Raises:
         ValueError: The package is not installed, or has no such picture.

@@ -1,5 +1,5 @@
-"""Reading of files that a user names, only regular files up to a limit of size, and of the names in
-a folder.
+"""Reading of files that a user names: only regular files up to a size limit are read. Also a sorted
+list of the names in a folder.
 """
 
 import re
@@ -18,11 +18,12 @@ KINDS = {
 
 
 def opened(path: Path, what: str) -> BinaryIO:
-    """Open a regular file to read its bytes; a pipe or a device is refused before it is opened.
+    """Open a regular file and return it, to be read as bytes; a pipe or a device is refused before
+    it is opened.
 
     Args:
         path: Path of the file; links are followed.
-        what: Kind of the file in messages, such as "truth".
+        what: Kind of the file for error messages, such as "picture".
 
     Raises:
         ValueError: The file cannot be read, or is not a regular file.
@@ -38,12 +39,12 @@ def opened(path: Path, what: str) -> BinaryIO:
 
 
 def content(path: Path, what: str, most: int) -> bytes:
-    """Return the bytes of a regular file.
+    """Return the content of a regular file as bytes.
 
     Args:
-        path: Path of the file.
-        what: Kind of the file in messages, such as "truth".
-        most: Largest size [bytes].
+        path: Path of the file; links are followed.
+        what: Kind of the file for error messages, such as "picture".
+        most: Largest size of the file [bytes].
 
     Raises:
         ValueError: The file cannot be read, is not a regular file, or is larger than `most`.
@@ -64,9 +65,9 @@ def text(path: Path, what: str, most: int) -> str:
     """Return the text of a regular UTF-8 file, without a byte order mark.
 
     Args:
-        path: Path of the file.
-        what: Kind of the file in messages, such as "truth".
-        most: Largest size [bytes].
+        path: Path of the file; links are followed.
+        what: Kind of the file for error messages, such as "scenario".
+        most: Largest size of the file [bytes].
 
     Raises:
         ValueError: The file cannot be read, is not a regular file, is larger than `most`, or is not
@@ -82,8 +83,8 @@ def text(path: Path, what: str, most: int) -> str:
 
 
 def names(folder: Path) -> list[Path]:
-    """Return the paths in a folder sorted by name; numbers in names count by their value, 9.png
-    before 10.png.
+    """Return the paths of all files and folders directly in a folder, sorted by name; numbers in
+    names count by their value, so that 9.png comes before 10.png.
 
     Raises:
         ValueError: There is no such folder, or it cannot be read.

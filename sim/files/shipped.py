@@ -1,4 +1,6 @@
-"""Files that a setting names: the user's own, or shipped ones in `scenes`."""
+"""Files that a setting names: a file of the user, or one that is shipped in the package
+`scenes`.
+"""
 
 from importlib import resources
 from pathlib import Path
@@ -13,7 +15,9 @@ FOLDERS = ("robots", "targets")
 
 
 class SameName(Notice):
-    """A warning that a user's file and a shipped one have the same name, and which is used."""
+    """A warning that a file of the user and a shipped file have the same name; it says which of
+    them is used.
+    """
 
 
 def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
@@ -26,9 +30,9 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
 
     Args:
         name: Such as "duck", "duck.obj" or "mine/duck.obj".
-        folder: Folder of the shipped files in `scenes`.
+        folder: Folder of the shipped files in the package `scenes`, such as "targets".
         suffix: Suffix of the shipped files, such as ".obj".
-        setting: Name of the setting in messages, such as "file".
+        setting: Name of the setting for error messages, such as "file".
 
     Raises:
         ValueError: The name has neither slash nor suffix, and no shipped file and none in the
@@ -52,8 +56,8 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
 
 
 def warn_of_shipped(name: str) -> None:
-    """Warn that the user's own file is used, if the name has no slash and a shipped robot or target
-    has a file of this name.
+    """Warn that the user's own file `name` is used, if a shipped robot or target has a file of the
+    same name; do nothing if the name has a slash.
     """
     if "/" not in name and any(
         (resources.files("scenes") / folder / name).is_file() for folder in FOLDERS
@@ -62,11 +66,12 @@ def warn_of_shipped(name: str) -> None:
 
 
 def warn_of_own(name: str, file: str, what: str) -> None:
-    """Warn that a bare name selects something shipped, if the user has a file of the same name.
+    """Warn that a bare name such as "duck" selects something shipped, if the working directory has
+    a file that the user may have meant.
 
     Args:
-        name: The bare name, such as "duck".
-        file: File name that the user may have, such as "duck.obj".
+        name: The bare name.
+        file: Name of the user's possible file, such as "duck.obj".
         what: Name of the setting, for the message.
     """
     if is_file(Path(file)):

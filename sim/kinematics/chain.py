@@ -32,9 +32,9 @@ OUTWARD = re.compile("tool|tcp", re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """The joints between a robot's base and its flange, the body or site that carries the camera:
-    ids of the joints, base first, and of the flange's body in the compiled model, and the pose
-    T_body_flange.
+    """The joints between a robot's base and its flange, which is the body or site that carries the
+    camera: the ids of these joints in the compiled model, the base's first; the id of the body that
+    the flange is, or on which it lies; and the pose T_body_flange.
     """
 
     flange: str
@@ -48,7 +48,9 @@ class Chain:
 
 
 def name_all(spec: mujoco.MjSpec) -> None:
-    """Give each unnamed body and joint of a model a name such as joint_3, for messages."""
+    """Give each unnamed body and joint of a model a name such as body_2 or joint_3, in place, so
+    that messages can name it.
+    """
     for what, items in (("body", spec.bodies), ("joint", spec.joints)):
         taken = {item.name for item in items}
         free = (name for i in range(2 * len(items)) if (name := f"{what}_{i}") not in taken)
@@ -57,13 +59,13 @@ def name_all(spec: mujoco.MjSpec) -> None:
 
 
 def chain_to(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> Chain:
-    """Return the chain of joints that moves a body or site.
+    """Return the chain of joints between a robot's base and a body or site.
 
     Args:
         spec: A model in which all bodies and joints have names.
         model: The same model, compiled.
-        name: Name of the body or site; an empty text stands for the only site of the tool at the
-            end of the longest chain, or else the tool's body.
+        name: Name of the body or site. An empty text stands for the tool at the end of the longest
+            chain: its only site, or else its body.
 
     Raises:
         ValueError: The model has no joints, no body or site has that name, no joint moves it, or a
@@ -96,8 +98,8 @@ def chain_to(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> Chain:
 
 
 def flanges(spec: mujoco.MjSpec) -> list[tuple[str, str, int]]:
-    """Return the candidates for a robot's flange, those with the most joints first: "site" or
-    "body", its name, and the number of joints that move it.
+    """Return the bodies and sites of a model that can be a robot's flange, those with the most
+    joints first, each as "body" or "site", its name, and the number of joints that move it.
 
     Bodies and sites are left out if they have no name, if a gripper moves them, or if fewer joints
     move them than the hand, the last body of the longest chain before a gripper (or than six, if

@@ -13,8 +13,9 @@ WIDEST = 100.0
 
 
 def doubts(robot: Robot) -> list[str]:
-    """Return a warning for each unit that the robot's model seems to have wrong: link lengths that
-    look like mm, or joint limits that look like degrees.
+    """Return a sentence for each unit that a robot's model seems to have wrong: if its links are
+    more than 20 m long together, as if lengths were in mm, or if hinges have ranges of more than
+    100 rad, as if limits were in degrees. The list is empty if nothing seems wrong.
     """
     lines: list[str] = []
     length = _length(robot)

@@ -28,14 +28,16 @@ SAMPLES = 64
 
 
 def has_velocity_drives(model: mujoco.MjModel, joints: Sequence[int]) -> bool:
-    """Return whether each of these joints (by id) has exactly one actuator, a velocity servo."""
+    """Return True if each of the given joints (by id) has exactly one actuator, a velocity
+    servo.
+    """
     return all(_servo_of(model, joint) is not None for joint in joints)
 
 
 def own_speed(model: mujoco.MjModel, joint: int) -> float | None:
-    """Return the largest rate [m/s or rad/s] that the velocity servo of a joint (by id) takes in
-    both directions, the smaller one of its two limits; None without such a servo, or if its rate
-    has no limit.
+    """Return the largest rate [m/s or rad/s] that the velocity servo of a joint (by id) makes in
+    both directions, the smaller one of the magnitudes of its two limits. Return None if the joint
+    has no such servo, or the servo no limits.
     """
     servo = _servo_of(model, joint)
     if servo is None or not model.actuator_ctrllimited[servo]:
@@ -50,15 +52,15 @@ def _servo_of(model: mujoco.MjModel, joint: int) -> int | None:
 
 
 def drive_of(model: mujoco.MjModel, joint: int) -> int | None:
-    """Return the id of the only actuator of a joint (by id); None if it has none or several."""
+    """Return the id of the actuator of a joint (by id); None if the joint has none or several."""
     on_joints = model.actuator_trntype[:, None] == [int(kind) for kind in ON_JOINTS]
     found = np.flatnonzero(on_joints.any(axis=1) & (model.actuator_trnid[:, 0] == joint))
     return int(found[0]) if len(found) == 1 else None
 
 
 def wrong_drive(model: mujoco.MjModel, actuator: int) -> str | None:
-    """Return the reason, as the end of a sentence, why an actuator (by id) is no velocity servo of
-    one joint; None if it is one.
+    """Return why an actuator (by id) is not a velocity servo of one joint with gear 1, as the end
+    of a sentence that begins with its name; None if it is one.
     """
     gain = model.actuator_gainprm[actuator, 0]
     bias = model.actuator_biasprm[actuator, :3]
@@ -74,9 +76,9 @@ def wrong_drive(model: mujoco.MjModel, actuator: int) -> str | None:
 
 
 def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces: Array) -> None:
-    """Add a velocity servo to each joint of a model; friction, damping, springs and force limits of
-    the joints are removed, and the inertia of their motors is raised to half of the inertia that
-    they move, at least to 0.01 kg m^2 (hinges) or 0.1 kg (slides).
+    """Add a velocity servo to each joint of a model. Friction, damping, springs and force limits of
+    the joints are removed, and the inertia of their motors (armature) is raised to half of the
+    largest inertia that they move, at least to 0.01 kg m^2 (hinges) or 0.1 kg (slides).
 
     Args:
         spec: A model without actuators and without further joints; it is changed.
@@ -109,9 +111,9 @@ def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces:
 
 
 def forces_of(model: mujoco.MjModel, joints: Sequence[int]) -> Array:
-    """Return the largest force or torque (n,) [N or N m] that joints (by id) can exert in both
-    directions: the smaller of the joint's own limit and that of its actuator, if it has only one;
-    inf without a limit.
+    """Return the largest force [N] or torque [N m] that each of the given joints (by id) can exert
+    in both directions (n,): the smaller one of the joint's own limit and that of its actuator,
+    which counts if it is the joint's only one; inf without a limit.
     """
     forces = np.full(len(joints), np.inf)
     for k, joint in enumerate(joints):
@@ -125,7 +127,9 @@ def forces_of(model: mujoco.MjModel, joints: Sequence[int]) -> Array:
 
 
 def kind_of_joint(joint_type: int) -> str:
-    """Return "slide" or "hinge" for MuJoCo's type of a joint."""
+    """Return "slide" for MuJoCo's type (mjtJoint) of a slide joint, and "hinge" for any other
+    type.
+    """
     return "slide" if joint_type == mujoco.mjtJoint.mjJNT_SLIDE else "hinge"
 
 
@@ -135,8 +139,8 @@ def random_joints(
     rng: np.random.Generator,
     count: int,
 ) -> Array:
-    """Return random positions (count, n) of joints (by id) [rad or m], uniform within the joints'
-    limits; without limits, hinges within -pi..pi and slides within -1..1.
+    """Return `count` random positions (count, n) of n joints (by id) [rad or m], uniform within the
+    joints' limits; of joints without limits, hinges within -pi..pi rad and slides within -1..1 m.
     """
     limited = model.jnt_limited[joints].astype(bool)[:, None]
     slides = (model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE)[:, None]

@@ -1,8 +1,8 @@
 """Inverse kinematics: joint positions with which the camera takes a pose.
 
-They are found from the robot's homes by a damped iteration, else from many places by quadratic
-programs with the limits of the joints (mink), and where these find none by least squares in a trust
-region from the same places.
+The search begins at the robot's home positions, with damped Newton steps. If these find no
+solution, quadratic programs that keep the limits of the joints (mink) begin there and at many
+random positions; if they fail too, least squares in a trust region begin at the same positions.
 """
 
 import importlib
@@ -51,13 +51,15 @@ VIEW = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Result of a search for joint positions: distance [m] and angle [rad] from the camera pose
-    reached to the desired one; name of the joint nearest to a limit, with its distance from it as a
-    share of its range (`room`); and the prediction along the path that follows, None if no path was
-    given.
+    """Result of a search for joint positions that bring the camera to a desired pose: distance [m]
+    and angle [rad] that are left to the pose; the name of the joint nearest to a limit, and its
+    distance from the limit as a share of its range (`room`; "" and inf if no joint has limits); and
+    the prediction of the joints along the camera path that follows.
 
-    As a condition it is true if the camera is at the pose, or a robot of fewer than six joints sees
-    the desired point in the desired direction, with all joints inside their limits.
+    The prediction is None if no path was given, the pose is not reached, the robot has fewer than
+    six joints, or none has limits. As a condition the result is true if the camera is at the pose,
+    or if a robot of fewer than six joints sees the desired point in the desired direction, with all
+    joints inside their limits.
     """
 
     there: bool
@@ -92,17 +94,17 @@ def reach(
     point: Array | None = None,
     way: Callable[[], Sequence[Pose]] | None = None,
 ) -> Reach:
-    """Set the joint positions in `data` so that the camera reaches a pose or comes near it; return
-    how near.
+    """Find joint positions with which the camera reaches a desired pose or comes near it, and set
+    them in `data`; return how near it comes.
 
-    The search begins at the robot's homes, one after another; without a solution from there, the
-    most comfortable of several solutions is taken (see `comfort`). If a joint would reach its limit
-    on the path that follows, the solution that keeps the largest distance from all limits is taken
-    instead, if there is one. For a robot of fewer than six joints it is enough that the camera sees
-    a point in the desired direction, and the path is not looked at.
+    The search begins at the robot's home positions, one after another. Without a solution from
+    there, the one with the highest score `comfort` of several solutions is taken. If a joint would
+    reach its limit on the path that follows, the solution that keeps the largest distance from all
+    limits is taken instead, if there is one. For a robot of fewer than six joints it is enough that
+    the camera sees a point in the desired direction, and the path does not count.
 
     Args:
-        robot: The robot, with its joint limits and homes.
+        robot: The robot, with its joint limits and home positions.
         data: MuJoCo's state; its joint positions are set.
         T_world_camera: The desired pose; T_target_camera if the robot holds the target.
         point: Point (3,) at which the camera looks, in the same frame [m]; None: the point 1 m
@@ -296,8 +298,9 @@ def _least_squares(
 
 def comfort(robot: Robot, data: mujoco.MjData) -> float:
     """Return a score of the joint positions in `data`, higher for better ones: the smallest
-    distance of a joint from a limit, at most 1 [rad or m], times the smallest singular value of the
-    Jacobian. The score is divided by 100 if a link is in front of the camera or below the table.
+    distance of a joint from a limit, but at most 1 [rad or m], times the smallest singular value of
+    the robot's Jacobian. The score is divided by 100 if a link is in the camera's view or below the
+    table's top.
     """
     q = data.qpos[robot.qpos]
     room = np.minimum(q - robot.lower, robot.upper - q).min()

@@ -35,7 +35,8 @@ WORDS = {
 
 
 def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.MjModel, Chain]:
-    """Return the compiled model, and the chain of joints that moves its flange or its camera.
+    """Return the compiled form of a robot's model, and the chain of joints between its base and the
+    flange or the camera.
 
     Args:
         spec: The model, which is changed: unnamed bodies and joints get names, infinite limits are
@@ -70,8 +71,8 @@ def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.
 def make_robot(
     spec: mujoco.MjSpec, model: mujoco.MjModel, carried: Chain, camera: str, mount: Pose
 ) -> tuple[str, ...]:
-    """Turn a model into a robot with a camera and a site `eye` at the end of a chain; return the
-    names of the chain's joints.
+    """Turn a model, in place, into a robot with a camera and a site, both called `eye`, at the end
+    of a chain of joints; return the names of the chain's joints, the base's first.
 
     Args:
         spec: The model, which is changed: all other joints, lights, floors, sensors, tendons and
@@ -117,9 +118,9 @@ def drive(
     joints: Sequence[int],
     speeds: Sequence[float | None],
 ) -> None:
-    """Set the largest rates of a robot's joints. If the model has no velocity servos left, each
-    joint gets one, with the limits of force of the joint and of its former actuator, and loses its
-    friction, damping and springs (see `add_drives`).
+    """Set the largest rates of a robot's joints in its model. If the model has no velocity servos
+    left, each joint gets one, with the force limits of the joint and of its former actuator, and
+    loses its friction, damping and springs (see `add_drives`).
 
     Args:
         spec: The robot's model after `make_robot`; it is changed.

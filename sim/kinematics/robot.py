@@ -1,5 +1,5 @@
-"""A robot that carries the camera or the target: its design, and the joint rates for a camera
-twist, for any chain of velocity-driven joints.
+"""A robot that carries the camera or the target: its design (model and settings), and its
+kinematics, such as the joint rates for a camera twist, for any chain of velocity-driven joints.
 
 Joints, limits and actuators are read from the robot's MuJoCo model. There every actuator is a
 `velocity` servo of one joint, and the camera's optical centre is the site `eye`. A model that is
@@ -144,13 +144,16 @@ class Design:
 
 
 def own_name(name: str) -> str:
-    """Return the name of a joint or actuator without the prefix "robot/" of the scene's model."""
+    """Return the name of a joint or actuator in the robot's own model, given its name in the
+    scene's model, which begins with "robot/".
+    """
     return name.removeprefix("robot/")
 
 
 def damped_inverse(J: Array, inversion: Inversion) -> Array:
-    """Return the (pseudo-)inverse (n, 6) of a Jacobian (6, n), damped near singular poses: there
-    the rates stay finite, and the twist is not made exactly.
+    """Return the (pseudo-)inverse (n, 6) of a Jacobian (6, n), damped where its smallest singular
+    value is below `inversion.weakest`: joint rates stay finite there, and make the twist only
+    approximately.
 
     After Nakamura and Hanafusa 1986: with s the smallest singular value and e = `weakest`, lambda^2
     = damping^2 (1 - (s / e)^2) where s < e, else zero; s_i becomes s_i / (s_i^2 + lambda^2).
@@ -166,12 +169,12 @@ def damped_inverse(J: Array, inversion: Inversion) -> Array:
 
 
 def each_joint(setting: str, given: EachJoint, names: tuple[str, ...]) -> Array:
-    """Return one value for each joint (n,) of a setting that is given once for all, or for each
-    joint.
+    """Return the values (n,) of a setting for n joints, given one value for all joints or one for
+    each.
 
     Args:
         setting: Name of the setting, for the message.
-        given: The value or values.
+        given: One number, or a tuple of n numbers.
         names: Names of the n joints.
 
     Raises:
@@ -207,11 +210,13 @@ def _check_drives(model: mujoco.MjModel, design: Design) -> None:
 
 
 class Robot:
-    """The joints of a robot between its base and its hand, read from a MuJoCo model, and their
-    kinematics.
+    """The n driven joints of a robot, read from a scene's MuJoCo model, and the kinematics of the
+    chain from its base to its hand, the site `eye`.
 
-    Camera poses are T_world_camera, or T_target_camera if the robot holds the target. Camera twists
-    are those relative to the same frame (world or target), in the camera frame.
+    The robot carries the camera or holds the target. Camera poses are T_world_camera, or
+    T_target_camera if it holds the target. Camera twists are relative to the same frame (world or
+    target), and given in the camera frame. Its methods read joint positions from MuJoCo's state
+    `data`.
     """
 
     def __init__(self, model: mujoco.MjModel, design: Design) -> None:
@@ -269,12 +274,12 @@ class Robot:
 
     @property
     def has_ranges(self) -> bool:
-        """True if at least one joint has a limited range."""
+        """True if the position of at least one joint has limits."""
         return bool(self._limited.any())
 
     def servos(self) -> Array:
-        """Return the time constants (n,) [s] with which the drives' servos take over a new rate in
-        a simulation with implicit steps.
+        """Return the time constants (n,) [s] with which the velocity servos of the n joints take
+        over a new rate, in a simulation with implicit integration.
         """
         model = self.model
         at = model.jnt_dofadr[self.ids]
@@ -285,15 +290,15 @@ class Robot:
     def posture(self, data: mujoco.MjData, twist: Array, accepted: Array | None = None) -> Posture:
         """Return the robot's posture by the poses that MuJoCo computed last in `data`: the camera's
         pose T_world_camera (T_target_camera if the robot holds the target), joint positions, limits
-        of joints and of their rates, the Jacobian (6, n) of the camera's twist by joint rates, and
-        the given twists. Twists are in the camera frame, relative to the world, or to the target if
-        the robot holds it.
+        of joints and of their rates, the Jacobian (6, n) from joint rates to the camera's twist,
+        and the given twists. Twists are in the camera frame, relative to the world, or to the
+        target if the robot holds it.
 
         Args:
             data: MuJoCo's state, with the joint positions.
             twist: Mean camera twist (6,) since the last frame [m/s, rad/s].
-            accepted: Mean camera twist (6,) that the drives were set to since the last frame [m/s,
-                rad/s]; None: unknown.
+            accepted: Mean since the last frame of the camera twists (6,) that the drives were set
+                to [m/s, rad/s]; None: unknown.
         """
         return Posture(
             self.eye(data),
@@ -308,20 +313,21 @@ class Robot:
         )
 
     def place(self, data: mujoco.MjData, q: Sequence[float] | Array) -> Pose:
-        """Set the joint positions (n,) [m or rad] in `data` and compute its kinematics; return the
-        camera's pose: T_world_camera, or T_target_camera if the robot holds the target.
+        """Set the joint positions (n,) [m or rad] in `data`, and compute the poses of its bodies;
+        return the camera's pose T_world_camera, or T_target_camera if the robot holds the target.
         """
         data.qpos[self.qpos] = q
         self.refresh(data)
         return self.eye(data)
 
     def joints(self, data: mujoco.MjData) -> Array:
-        """Return the present joint positions (n,) in `data` [m or rad]."""
+        """Return a copy of the robot's joint positions (n,) in `data` [m or rad]."""
         return data.qpos[self.qpos].copy()
 
     def room(self, data: mujoco.MjData) -> Array:
-        """Return the distance of each joint from its nearer limit, as a share of its range (n,);
-        inf for a joint without limits.
+        """Return the distance of each joint in `data` from its nearer limit, divided by the width
+        of its range (n,): 0.5 in mid-range, 0 at a limit, negative beyond it, and inf for a joint
+        without limits.
         """
         q = data.qpos[self.qpos]
         nearer = np.minimum(q - self.lower, self.upper - q)
@@ -329,13 +335,13 @@ class Robot:
         return np.divide(nearer, self.upper - self.lower, out=room, where=self._limited)
 
     def rates_measured(self, data: mujoco.MjData) -> Array:
-        """Return the present joint velocities (n,) in `data` [m/s or rad/s]."""
+        """Return a copy of the robot's joint velocities (n,) in `data` [m/s or rad/s]."""
         return data.qvel[self._dof].copy()
 
     def jacobian(self, data: mujoco.MjData) -> Array:
-        """Return the Jacobian (6, n) for the poses that MuJoCo computed last in `data`: the
-        camera's twist per joint rate, in the camera frame (x right, y down, z forward), relative to
-        the world, or to the target if the robot holds it.
+        """Return the Jacobian (6, n) from joint rates to the camera's twist for the poses that
+        MuJoCo computed last in `data`. The twist is in the camera frame (x right, y down, z
+        forward), relative to the world, or to the target if the robot holds it.
         """
         linear, angular = self._jacobians
         mujoco.mj_jacSite(self.model, data, linear, angular, self._site)
@@ -347,20 +353,21 @@ class Robot:
     def rates(
         self, data: mujoco.MjData, twist: Array, hold: float = 0.0, before: Array | None = None
     ) -> tuple[Array, Array, tuple[str, ...]]:
-        """Return the joint rates (n,) [m/s or rad/s] for a camera twist (6,), the camera twist (6,)
-        that these rates make, and the joints whose limits changed it, such as "elbow (range)".
+        """Return the joint rates (n,) [m/s or rad/s] for a camera twist, the camera twist (6,) that
+        these rates make, and the joints whose limits changed it, each with the limit's kind: "elbow
+        (range)", "elbow (speed)" or "elbow (acceleration)".
 
         A joint at the end of its range leaves the solution: it is as fast as its range allows, and
-        the others make the rest of the twist. If rates are too fast, the twist gets shorter and
-        keeps its direction, as far as the limits of acceleration allow: a quadratic programme
-        chooses the rates where joints have such limits, or there are more than six; otherwise one
-        factor slows all.
+        the other joints make the rest of the twist. If rates are too fast, the twist gets shorter
+        and keeps its direction, as far as the limits of acceleration allow. A quadratic programme
+        chooses the rates where joints have such limits, or a robot without exact inversion has more
+        than six joints; otherwise one factor slows all joints.
 
         Args:
             data: MuJoCo's state, with the joint positions.
             twist: The commanded twist (6,) in the camera frame [m/s, rad/s].
             hold: Time for which the rates hold [s], for exact inversion and acceleration limits.
-            before: The rates (n,) before these; None: accelerations are not limited.
+            before: The rates (n,) before these [m/s or rad/s]; None: accelerations are not limited.
         """
         J = self.jacobian(data)
         exact = self._exact(data, twist, hold) if self._inversion.exact and hold else None
@@ -418,8 +425,8 @@ class Robot:
         return [(-_stopping(at - low, a), _stopping(high - at, a)) for at, low, high, a in joints]
 
     def stopped(self, data: mujoco.MjData, rates: Array) -> list[str]:
-        """Return the joints that stand at an end of their range and that rates (n,) [m/s or rad/s]
-        drive further out, such as "elbow (range)".
+        """Return the joints in `data` that stand at an end of their range (within 0.001 m or rad)
+        and that the given rates (n,) [m/s or rad/s] drive further out, such as "elbow (range)".
         """
         q = data.qpos[self.qpos]
         back = (q < self.lower + AT_END) & (rates < 0)
@@ -427,8 +434,8 @@ class Robot:
         return [f"{self.names[k]} (range)" for k in np.flatnonzero(back | on)]
 
     def driven(self, rates: Array, hold: float) -> Array:
-        """Return the joint rates (n,) [m/s or rad/s] if the motors have the given rates for a time
-        `hold` [s]: the same rates, because this robot has no backlash.
+        """Return the joint rates (n,) [m/s or rad/s] that result if the motors have the given rates
+        for a time `hold` [s]: the same rates, because this robot has no backlash.
         """
         return rates
 
@@ -500,12 +507,12 @@ class Robot:
         return free - np.linalg.pinv(J) @ (J @ free)
 
     def manipulability_gradient(self, J: Array, inverse: Array) -> Array:
-        """Return the gradient (n,) of log sqrt(det(J J^T)) (Yoshikawa 1985) by the joint positions
-        [1/rad or 1/m], finite in singular poses.
+        """Return the gradient (n,) of log sqrt(det(J J^T)) (Yoshikawa 1985) with respect to the n
+        joint positions [1/rad or 1/m]; it is finite in singular poses.
 
         It is the trace of J+ dJ/dq_i. With v_j and w_j the columns of J (Haviland and Corke 2023,
-        Manipulator Differential Kinematics, part 2, in the axes of the camera):
-        dv_j/dq_i = w_i x v_j and dw_j/dq_i = w_i x w_j where i moves j, else w_j x v_i and zero.
+        Manipulator Differential Kinematics, part 2, in the axes of the camera): dv_j/dq_i = w_i x
+        v_j and dw_j/dq_i = w_i x w_j where i moves j, else w_j x v_i and zero.
 
         Args:
             J: The Jacobian (6, n), as `jacobian` returns it.
@@ -521,8 +528,8 @@ class Robot:
     def converge(
         self, data: mujoco.MjData, begin: Sequence[float] | Array, T_world_camera: Pose
     ) -> bool:
-        """Solve for the joint positions of a camera pose by damped Newton steps; return whether
-        they converge to a solution inside the joint limits.
+        """Find joint positions for a camera pose by damped Newton steps, and set them in `data`.
+        Return True if the steps converge and the positions are inside the joint limits.
 
         Args:
             data: MuJoCo's state; its joint positions are set, even on failure.
@@ -546,26 +553,28 @@ class Robot:
         return False
 
     def refresh(self, data: mujoco.MjData) -> None:
-        """Compute the poses and Jacobians of all bodies in `data` anew, from its joint
-        positions.
+        """Compute the poses of all bodies in `data` from its joint positions, and what MuJoCo needs
+        for Jacobians.
         """
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_comPos(self.model, data)
 
     def eye(self, data: mujoco.MjData) -> Pose:
-        """Return the camera's pose as computed last in `data`: T_world_camera, or T_target_camera
-        if the robot holds the target.
+        """Return the camera's pose by the poses that MuJoCo computed last in `data`:
+        T_world_camera, or T_target_camera if the robot holds the target.
         """
         return self.mounting.eye(self.hand(data))
 
     def camera(self, data: mujoco.MjData) -> Pose:
-        """Return the camera's pose T_world_camera, as computed last in `data`."""
+        """Return the camera's pose T_world_camera by the poses that MuJoCo computed last in `data`,
+        also if the robot holds the target.
+        """
         standing = self.mounting.standing
         return self.hand(data) if standing is None else standing
 
     def hand(self, data: mujoco.MjData) -> Pose:
-        """Return T_world_hand, the pose of the site `eye` (x right, y down, z forward), as computed
-        last in `data`.
+        """Return T_world_hand, the pose of the site `eye` in the robot's hand (x right, y down, z
+        forward), by the poses that MuJoCo computed last in `data`.
         """
         rotation = data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO
         return Pose(rotation, data.site_xpos[self._site].copy())

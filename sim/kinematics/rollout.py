@@ -21,9 +21,10 @@ SETTLING = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Rollout:
-    """Result of following a camera path by joint rates: the smallest distance of a joint from a
-    limit, as a share of its range, and the joint that reaches a limit first, with its time [s]; ""
-    and inf if no joint does.
+    """Predicted result of following a camera path by joint rates: the smallest distance of a joint
+    from a limit on the path, as a share of its range (`room`; inf if no joint has limits, or if one
+    is reached in the first step); the name of the joint that reaches a limit first, and the time
+    when it does [s]; "" and inf if no joint does.
     """
 
     room: float
@@ -37,9 +38,9 @@ class Rollout:
 
 def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
     """Predict whether a joint reaches a limit when the camera follows a path: joint rates for the
-    path are integrated from the present positions in steps of 0.2 s, up to the first joint that is
-    at an end of its range. If the camera begins beside the path, its offset decays with a time
-    constant of 1 s.
+    path are integrated from the present positions in steps of 0.2 s, up to the first joint whose
+    range limits its rate. If the camera begins beside the path, its offset from the path decays
+    with a time constant of 1 s.
 
     Args:
         robot: The robot.
@@ -48,8 +49,8 @@ def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
             the robot holds the target.
 
     Returns:
-        The smallest distance of a joint from a limit on the path, as a share of its range, and the
-        joint that reaches a limit with the time [s], if one does.
+        The smallest distance of a joint from a limit on the path, as a share of its range; and the
+        name of the joint that reaches a limit with its time [s], or "" and inf.
     """
     begin = robot.joints(data)
     beside = log_se3(way[0].inverse() @ robot.eye(data))

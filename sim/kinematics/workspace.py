@@ -1,5 +1,5 @@
-"""The workspace of a robot's camera, found from random postures, and the camera twists that its
-joints can make.
+"""The workspace of a robot's camera, found from random joint positions, and the camera twists that
+the robot's joints can make.
 """
 
 from dataclasses import dataclass
@@ -44,7 +44,8 @@ class Workspace:
 
 
 def sample_workspace(robot: Robot, height: float) -> Workspace:
-    """Return the workspace of a robot's camera, estimated from random joint positions.
+    """Return the workspace of a robot's camera, estimated from 4000 random sets of joint positions,
+    and a proposed base of the robot in the room.
 
     Args:
         robot: The robot, with its base at the world's origin.
@@ -72,11 +73,12 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
 
 
 def movable_shares(jacobian: Array) -> Array:
-    """Return for each component of the camera's twist (6,) which share of it, 0 to 1, the joints
-    can make if that component alone is commanded.
+    """Return how well the joints can make each component of the camera's twist alone (6,): 1 if
+    exactly, 0 if not at all. It is the length of the component's unit vector after projection onto
+    the twists that the joints can make.
 
     Args:
-        jacobian: Camera twist per joint rate (6, n).
+        jacobian: The matrix (6, n) from joint rates to the camera's twist.
     """
     basis, strengths, _ = np.linalg.svd(jacobian, full_matrices=False)
     return np.linalg.norm(basis[:, strengths > WEAK * strengths[0]], axis=1)

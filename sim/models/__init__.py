@@ -1,1 +1,1 @@
-"""Models of rooms, robots and targets, from files to one compiled scene."""
+"""MuJoCo models of rooms, robots and targets, from files to one compiled scene."""

@@ -1,4 +1,6 @@
-"""The whole scene: a robot and a target attached to the room, compiled for a camera."""
+"""The whole scene: a robot and a target attached to the model of the room, compiled for a
+camera.
+"""
 
 import copy
 from collections.abc import Iterable
@@ -55,15 +57,16 @@ def build_model(
     surroundings: Surroundings | None = None,
     leader: Leader | None = None,
 ) -> mujoco.MjModel:
-    """Return the compiled model of the room with a robot and a target in it.
+    """Return the compiled MuJoCo model of a scene: the room, with a robot and a target in it.
 
     Args:
         physics_rate: Physics steps a second [Hz].
-        camera: Settings of the camera; its field of view is used.
+        camera: Settings of the camera, of which only the field of view is used.
         robot: The robot that carries the camera or the target.
         target: The target.
-        props: Names of the models that disturbances need: "second_target", "spot".
-        surroundings: Ground, clutter and light; by default as they are in the room's model.
+        props: Names of the things that disturbances need in the scene: "second_target", a copy of
+            the target; and "spot", a finer lighting of the table for a spot light.
+        surroundings: Ground, walls, clutter and light; None: as they are in the room's model.
         leader: The moving tag beside which the robot is to keep the target; None: no such tag.
 
     Raises:
@@ -102,8 +105,8 @@ def _put_camera(model: mujoco.MjModel, T_world_camera: Pose) -> None:
 
 
 def with_stands(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy of the scene's model in which the pedestal of the robot and the tripod of a
-    camera in the room are drawn.
+    """Return a copy of the scene's model in which the robot's pedestal and the tripod of a camera
+    in the room are visible; the cameras of a run do not see them.
     """
     drawn = copy.copy(model)
     drawn.geom_group[drawn.geom_group == STANDS] = 0

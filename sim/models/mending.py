@@ -30,9 +30,9 @@ SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 @dataclass(frozen=True, slots=True)
 class Mended:
-    """A record of the repairs of a model: shapes and textures that are not drawn, each with the
-    reason (`lost`), and names of bodies whose impossible mass or inertia was replaced
-    (`corrected`).
+    """A record of the repairs of a robot's or target's model: shapes and textures that were left
+    out, each with the reason (`lost`), and names of bodies whose impossible mass or inertia was
+    replaced (`corrected`). As a text it is a sentence about both.
     """
 
     lost: list[Lost] = field(default_factory=list)
@@ -48,15 +48,15 @@ class Mended:
 
 
 def mend(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> mujoco.MjModel:
-    """Repair the parts of a model that MuJoCo refuses, or leave them out; return the compiled
-    model.
+    """Repair the meshes, masses and inertias of a model that MuJoCo refuses, and leave out shapes
+    and textures that cannot be repaired; return the compiled model.
 
     Args:
         spec: The model, which is changed.
-        path: The model's file.
+        path: The model's file, around which meshes and textures are searched for.
         mended: Record to which the repairs are added.
-        whole: True: leave no part out, so that MuJoCo refuses a model with a part that cannot be
-            repaired.
+        whole: True: leave nothing out, so that MuJoCo refuses a model with a shape or texture that
+            cannot be repaired.
 
     Raises:
         ValueError: MuJoCo refuses the repaired model.
@@ -70,8 +70,8 @@ def mend(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> muj
 
 
 def draw_sticks(spec: mujoco.MjSpec) -> None:
-    """Add sticks from joint to joint to the model of a robot that has no shapes, so that it is
-    visible.
+    """Make a robot without shapes visible: add a stick (a capsule of 15 mm radius, without mass) to
+    its model from each body's parent to the body, unless the two are less than 15 mm apart.
     """
     for body in spec.bodies[1:]:
         if np.linalg.norm(body.pos) > STICK:
@@ -160,7 +160,7 @@ def _replace_meshes(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: b
 
 
 def geoms_of(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> list[mujoco.MjsGeom]:
-    """Return all geoms of a model that show a given mesh."""
+    """Return all geoms of a model that show the mesh `shape`."""
     return [geom for geom in spec.geoms if geom.meshname == shape.name]
 
 

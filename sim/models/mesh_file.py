@@ -1,4 +1,4 @@
-"""Triangles and materials of a mesh file, read by trimesh."""
+"""Reading of the triangles and materials in a mesh file, by the package trimesh."""
 
 import contextlib
 import importlib
@@ -35,7 +35,9 @@ Lost = tuple[str, str]
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """Colour of triangles (red, green, blue and opacity, 0 to 1), or a picture in its place."""
+    """The look of some triangles of a mesh: a colour (red, green, blue and opacity, 0 to 1), or a
+    picture, RGB (H, W, 3), which then replaces the colour.
+    """
 
     colour: tuple[float, ...]
     """Red, green, blue and opacity, 0 to 1."""
@@ -45,12 +47,13 @@ class Material:
 
 @dataclass(frozen=True, slots=True)
 class Triangles:
-    """A surface of m triangles with n vertices: points (n, 3) in the file's unit (Collada: m);
-    three vertex numbers per triangle (m, 3), counter-clockwise as seen from outside; texture
-    coordinates (m, 3, 2), 0..1 from the picture's left and bottom (None: unknown); material numbers
-    (m,); and materials and pictures that could not be read (`missing`).
+    """A surface of m triangles with n vertices: points (n, 3), in the unit of the mesh file, or in
+    m if the file states its unit; three vertex numbers per triangle (m, 3), counter-clockwise as
+    seen from outside; texture coordinates (m, 3, 2), 0..1 from the picture's left and bottom (None:
+    unknown); material numbers (m,); and materials and pictures that could not be read (`missing`).
 
-    No two vertices are the same, and no triangle has two equal corners.
+    In a surface from `read_mesh` no two vertices are the same, and no triangle has two equal
+    corners.
     """
 
     vertices: Array
@@ -68,7 +71,9 @@ class Triangles:
     """Materials and pictures that the file names and that cannot be read."""
 
     def parts(self) -> list[tuple[Self, Material | None]]:
-        """Return the triangles of each material together with that material (None without one)."""
+        """Split this surface by materials: return a pair for each material, the surface of its
+        triangles and the material (None for triangles without one).
+        """
         found: list[tuple[Self, Material | None]] = []
         for look in np.unique(self.looks):
             own = self.looks == look
@@ -125,13 +130,16 @@ class _Beside:
 
 
 def trimesh() -> ModuleType:
-    """Return the module trimesh, imported at the first call because that takes half a second."""
+    """Import the package trimesh and return it; it is imported only when needed, which takes half a
+    second.
+    """
     return importlib.import_module("trimesh")
 
 
 def listed(lost: Iterable[Lost]) -> str:
-    """Return the names of files and shapes that were left out, grouped by reason, such as "a.stl,
-    b.stl (no such file)"; `lost` has pairs of a name and a reason.
+    """Return a text with the names of files and shapes that were left out, grouped by reason, such
+    as "a.stl, b.stl (no such file)", at most four names for each reason. `lost` has pairs of a name
+    and a reason.
     """
     names = defaultdict[str, list[str]](list)
     for name, why in lost:
@@ -140,8 +148,8 @@ def listed(lost: Iterable[Lost]) -> str:
 
 
 def first_of(names: Iterable[str]) -> str:
-    """Return the first four different names as a text, and the number of the others, such as "a, b,
-    c, d and 3 more".
+    """Return the first four different names as a text, followed by the number of further ones, such
+    as "a, b, c, d and 3 more".
     """
     each = list(dict.fromkeys(names))
     more = f" and {len(each) - SHOWN} more" if len(each) > SHOWN else ""
@@ -149,14 +157,16 @@ def first_of(names: Iterable[str]) -> str:
 
 
 def is_readable(file: Path) -> bool:
-    """Return whether trimesh can read the format of a mesh file, by its suffix; Collada (.dae)
+    """Return whether trimesh can read a mesh file, judged by the suffix of its name; Collada (.dae)
     needs the package pycollada.
     """
     return file.suffix.lower()[1:] in trimesh().available_formats()
 
 
 def why_not(file: Path) -> str:
-    """Return the reason why a mesh file could not be read, such as "no such file"."""
+    """Return why a mesh or picture file could not be read: "no such file", "pip install pycollada"
+    (for Collada) or "it cannot be read".
+    """
     if not file.is_file():
         return "no such file"
     needs = file.suffix.lower() == COLLADA and not is_readable(file)
@@ -166,17 +176,17 @@ def why_not(file: Path) -> str:
 def read_mesh(
     path: Path, suffixes: tuple[str, ...] = SUFFIXES, *, materials: bool = True
 ) -> Triangles:
-    """Return the surface in a mesh file, and its materials; those that cannot be read are listed in
-    `missing`.
+    """Return the surface in a mesh file, with its materials; materials and pictures that cannot be
+    read are listed in its field `missing`.
 
     Args:
         path: The file.
         suffixes: Suffixes of the accepted files, such as ".stl".
-        materials: Read the materials of an OBJ file too, from the .mtl file that it names.
+        materials: Read materials too, for an OBJ file from the .mtl files that it names.
 
     Raises:
-        ValueError: The file has another suffix, cannot be read, has no triangle, or has a vertex
-            that is not finite.
+        ValueError: The file has another suffix, cannot be read, is damaged, has no triangle with
+            three different corners, or has a vertex that is not finite.
     """
     suffix = path.suffix.lower()
     if suffix not in suffixes:

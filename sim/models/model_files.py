@@ -19,7 +19,8 @@ is gone."""
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Return the compiled model; warnings of MuJoCo are ignored, and its log is switched off.
+    """Return the compiled model of a MuJoCo specification; warnings of MuJoCo are ignored, and its
+    log is switched off.
 
     MuJoCo warns where the options of an attached model differ from those of the room, which are
     used.
@@ -33,16 +34,16 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def said_by_mujoco(error: Exception) -> str:
-    """Return the message of an error from MuJoCo's compiler on one line, to be part of a
-    sentence.
+    """Return the message of an error from MuJoCo's compiler on one line, without "Error:" or "XML
+    Error:" at its begin, to be part of a sentence.
     """
     lines = (line for line in str(error).splitlines() if line)
     return ", ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")
 
 
 def leave_out(spec: mujoco.MjSpec, parts: Iterable[str]) -> None:
-    """Delete elements of a model: the lists that `parts` names, such as "sensors", and sky textures
-    that no material uses; other sky textures become cube textures.
+    """Delete elements of a model, in place: all elements of the lists that `parts` names, such as
+    "sensors", and sky textures that no material uses. Other sky textures become cube textures.
     """
     named = {name for material in spec.materials for name in material.textures}
     skies = [t for t in spec.textures if t.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX]
@@ -55,8 +56,8 @@ def leave_out(spec: mujoco.MjSpec, parts: Iterable[str]) -> None:
 
 
 def keep_no_log() -> None:
-    """Stop MuJoCo in this process from writing MUJOCO_LOG.TXT into the working directory, and
-    messages to the terminal.
+    """Stop MuJoCo, in this process, from writing the file MUJOCO_LOG.TXT into the working directory
+    and messages to the terminal.
     """
     config = mujoco.MjLogConfig.get()
     config.logto_file = False

@@ -40,9 +40,9 @@ WEIGHTS = {"mass": ["value"], "inertia": ["ixx", "iyy", "izz", "ixy", "ixz", "iy
 
 
 def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
-    """Return the model in an MJCF or URDF file; it is known to compile. Masses and inertias that
-    MuJoCo refuses are corrected, and shapes of a URDF file that cannot be read left out, with a
-    warning.
+    """Return the MuJoCo specification of a robot or target from an MJCF or URDF file; it compiles.
+    Masses and inertias that MuJoCo refuses are corrected, and shapes of a URDF file in a format
+    that cannot be read are left out, with a warning.
 
     Args:
         path: The model's file.
@@ -51,7 +51,7 @@ def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
             leave it out and warn.
 
     Raises:
-        ValueError: The file cannot be read or compiled; the sentence begins with its path.
+        ValueError: The file cannot be read or compiled; the message begins with its path.
     """
     reading.opened(path, what).close()
     keep_no_log()
@@ -77,16 +77,16 @@ def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
 
 
 def spec_of_urdf(path: Path, mended: Mended) -> mujoco.MjSpec:
-    """Return the model in a URDF file, with absolute paths of meshes.
+    """Return the MuJoCo specification of the model in a URDF file, with absolute paths of meshes.
 
-    Links show their visual shapes, or their collision shapes if no visual one can be read; `mended`
-    records the meshes, materials and textures that cannot be shown, and the links whose mass or
-    inertia lacks numbers, which become 0.
+    Links show their visual shapes, or their collision shapes if no visual one can be read. The
+    record `mended` gets the meshes, materials and textures that cannot be shown, and the names of
+    links whose mass or inertia lacks numbers, which become 0.
 
     Raises:
         ParseError: The file is not XML.
-        ValueError: The file has xacro elements, a joint's lower limit is above its upper one, or
-            MuJoCo cannot read the file.
+        ValueError: The file has xacro elements, a joint's limits are not numbers or its lower limit
+            is above its upper one, or MuJoCo cannot read the file.
     """
     tree = ElementTree.parse(path).getroot()
     _leave_out_namespaces(tree)
@@ -153,8 +153,8 @@ def _check_limit(joint: Element) -> None:
 
 
 def joint_speeds(path: Path) -> dict[str, float]:
-    """Return the largest rates of a URDF file's joints by name [rad/s or m/s], which MuJoCo does
-    not read, without those outside 0.001 to 1000; {} for an MJCF file.
+    """Return the largest rates [rad/s or m/s] of the joints in a URDF file by name, which MuJoCo
+    does not read; rates outside 0.001 to 1000 are left out. Return {} for an MJCF file.
     """
     if path.suffix.lower() != ".urdf":
         return {}

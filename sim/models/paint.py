@@ -1,4 +1,6 @@
-"""Common parts of targets: settings of the reference rectangle, colours, pictures, and a box."""
+"""Common parts of targets: settings of the reference rectangle, colours, pictures, and models of
+boxes.
+"""
 
 import re
 from collections.abc import Sequence
@@ -33,8 +35,9 @@ class Outlined:
     default those of the model's site `outline`, or that are found."""
 
     def target(self, spec: mujoco.MjSpec) -> Target:
-        """Return the target with this model, and with the reference rectangle that the settings
-        give, or else the one found in the model.
+        """Return the target with the model `spec`. Its reference rectangle has the length, width
+        and height in these settings, about the centre of the rectangle found in the model; or, if
+        the settings give none, it is the one found in the model.
 
         Raises:
             ValueError: The model's site `outline` is not aligned with its axes, or no part of the
@@ -49,7 +52,8 @@ class Outlined:
 
 
 def rgba(colour: Colour) -> list[float]:
-    """Return the red, green, blue and opacity, 0 to 1, of a colour setting.
+    """Return red, green, blue and opacity (always 1), each 0 to 1, of a colour setting: a text
+    "#rrggbb", or three numbers from 0 to 1.
 
     Raises:
         ValueError: The colour is a text other than "#rrggbb".
@@ -83,10 +87,12 @@ PLAIN: dict[str, object] = {"mass": 0, "contype": 0, "conaffinity": 0, "group": 
 
 
 def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -> mujoco.MjSpec:
-    """Return the model of a box with this length, width and height [m] that stands on z = 0.
+    """Return the MuJoCo model of a box that stands on z = 0, with its centre on the z axis.
 
-    A picture (H, W, 3) lies on its upper side, its right at the nose. Without one (None) the box
-    has the colour: red, green, blue and opacity, 0 to 1.
+    Args:
+        size: Length along x, width along y and height [m].
+        colour: Red, green, blue and opacity, 0 to 1, of a box without a picture.
+        picture: Picture on the upper side, RGB (H, W, 3), its right at +x; None: no picture.
     """
     spec = mujoco.MjSpec()
     look: dict[str, object] = {"rgba": colour}
@@ -100,10 +106,11 @@ def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -
 
 
 def pictured_box(size: Sequence[float], picture: Image) -> mujoco.MjSpec:
-    """Return the model of a box with this length, width and height [m] that stands on z = 0, with a
-    picture (H, W, 3) upright on each of its sides; on the upper one its right is at the nose.
+    """Return the MuJoCo model of a box that stands on z = 0, with a picture, RGB (H, W, 3), on each
+    of its sides: upright on the walls, and on the upper side with its right at +x. `size` is length
+    along x, width along y and height [m].
 
-    It is a mesh: MuJoCo mirrors a picture on two sides of a box.
+    It is a mesh, because MuJoCo mirrors a picture on two sides of a box.
     """
     outwards = np.cross(SIDES[:, 0], SIDES[:, 1])
     corners = (outwards[:, None] + SQUARE @ SIDES + (0, 0, 1)) * size / 2
@@ -115,15 +122,18 @@ def pictured_box(size: Sequence[float], picture: Image) -> mujoco.MjSpec:
 def add_rectangles(
     spec: mujoco.MjSpec, name: str, corners: Array, places: Array, picture: Image
 ) -> None:
-    """Add a mesh of rectangles with a picture to a model. They are seen from one side only.
+    """Add a mesh of n rectangles, which all show the same picture or parts of it, to a model. Each
+    rectangle is seen from one side only.
 
     Args:
         spec: The model, which is changed.
         name: Name of the mesh, its geom and its material.
-        corners: Corners (n, 4, 3) [m], counter-clockwise as seen from this side.
-        places: Their places in the picture (4, 2), or of each rectangle (n, 4, 2): 0..1 from its
-            left and from its bottom, and beyond where the picture is repeated.
-        picture: The picture (H, W, 3).
+        corners: Corners of the rectangles (n, 4, 3) [m], counter-clockwise as seen from the visible
+            side.
+        places: Texture coordinates of the corners, the same for all rectangles (4, 2) or for each
+            (n, 4, 2): 0..1 from the picture's left and from its bottom; beyond 0..1 the picture is
+            repeated.
+        picture: The picture, RGB (H, W, 3).
     """
     halves = np.array([[0, 1, 2], [0, 2, 3]])
     faces = 4 * np.arange(len(corners))[:, None, None] + halves

@@ -1,4 +1,6 @@
-"""Rotations as MuJoCo's models have them: quaternions (w, x, y, z)."""
+"""Conversion between rotation matrices and quaternions (w, x, y, z), as MuJoCo's models have
+them.
+"""
 
 from collections.abc import Iterable
 
@@ -9,8 +11,8 @@ from sim.types import Array
 
 
 def matrix_of(quaternion: Iterable[float]) -> Array:
-    """Return the rotation matrix (3, 3) of a unit quaternion (w, x, y, z), which is not
-    normalised.
+    """Return the rotation matrix (3, 3) of a quaternion (w, x, y, z), which has to have length 1:
+    it is not normalised here.
     """
     matrix = np.empty(9)
     mujoco.mju_quat2Mat(matrix, np.array(quaternion, float))

@@ -13,13 +13,13 @@ PICTURE = "picture"
 
 
 def fill(shape: mujoco.MjsMesh, mesh: Triangles, material: Material | None) -> None:
-    """Replace the content of a model's mesh by triangles.
+    """Replace the content of a mesh in a MuJoCo model by triangles.
 
     Args:
-        shape: The mesh of the model, which is changed.
+        shape: The mesh in the model, which is changed.
         mesh: The triangles.
-        material: Material of the triangles; texture coordinates are added only if it has a picture.
-            None: no material.
+        material: Material of the triangles; only if it has a picture are the triangles' texture
+            coordinates added. None: no material.
     """
     shape.file = ""
     shape.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # it may be flat
@@ -41,14 +41,15 @@ def show(
     geoms: Sequence[mujoco.MjsGeom],
     parts: Sequence[tuple[Triangles, Material | None]],
 ) -> None:
-    """Show a mesh that has several materials. MuJoCo draws one material for each geom, so each part
-    of one material becomes a mesh of its own, with a geom beside each geom of the whole mesh.
+    """Give a mesh in a model several materials. MuJoCo draws one material for each geom, so the
+    triangles of each material become a mesh of their own, with a geom beside each geom of the whole
+    mesh.
 
     Args:
         spec: The model, which is changed.
-        shape: The mesh of the model, which becomes the first part.
-        geoms: Geoms of this mesh.
-        parts: Triangles and their material; None keeps the geom's colour.
+        shape: The mesh in the model, which keeps the triangles of the first material.
+        geoms: All geoms that show this mesh.
+        parts: Pairs of the triangles of a material, and the material; None keeps the geom's colour.
     """
     for k, (part, material) in enumerate(parts):
         name = f"{shape.name}_{k}" if k else shape.name
@@ -68,8 +69,8 @@ def _twin(geom: mujoco.MjsGeom, mesh: str) -> mujoco.MjsGeom:
 
 
 def paint(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, material: Material, name: str) -> None:
-    """Give a geom the colour or the picture of a material; `name` is the name that the model's
-    material for the picture has or gets.
+    """Give a geom in a model the colour of a material, or its picture. For a picture, a material
+    called `name` is added to the model, unless it has one of this name.
     """
     if material.picture is None:
         geom.rgba = material.colour
@@ -80,16 +81,16 @@ def paint(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, material: Material, name: s
 
 
 def add_picture(spec: mujoco.MjSpec, picture: Image, name: str = PICTURE) -> str:
-    """Add a picture (H, W, 3), reduced to at most 2048 px a side, to a model as a material called
-    `name`; return this name.
+    """Add a material called `name` that shows a picture, RGB (H, W, 3), to a model; return this
+    name. A picture of more than 2048 px a side is made smaller.
     """
     lay(spec, shrunk(picture), spec.add_material(name=name, specular=0, shininess=0), name)
     return name
 
 
 def lay(spec: mujoco.MjSpec, picture: Image, material: mujoco.MjsMaterial, name: str) -> None:
-    """Add a picture (H, W, 3) to a model as a texture called `name`, and set it as a material's
-    texture.
+    """Add a picture (H, W, channels), uint8, to a model as a texture called `name`, and make it the
+    colour texture of a material of this model.
     """
     height, width, channels = picture.shape
     texture = spec.add_texture(

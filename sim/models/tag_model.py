@@ -16,8 +16,9 @@ CELL = 32
 
 
 def tag_target(marker: Marker) -> Target:
-    """Return the target that is an AprilTag lying on z = 0, the right of its pattern at the nose;
-    its reference rectangle is the black square.
+    """Return the target that is an AprilTag lying on z = 0, the right side of its pattern at +x,
+    the target's nose. Its reference rectangle, which stands for it in measurements and control, is
+    the black square.
     """
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     black = cv2.aruco.generateImageMarker(family, marker.id, CELLS * CELL)

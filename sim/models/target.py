@@ -1,4 +1,6 @@
-"""The target: its MuJoCo model, and the reference rectangle that stands for it."""
+"""The target: its MuJoCo model, and the reference rectangle that stands for it in measurements and
+control.
+"""
 
 import itertools
 from dataclasses import dataclass
@@ -19,7 +21,9 @@ CORNERS = np.array(list(itertools.product((-1, 1), repeat=3)))
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """An object before it is put into the room: what a target's `Config.build` returns.
+    """A target object before it is put into the room, as a target's `Config.build` returns it: its
+    MuJoCo model, and the level reference rectangle `outline` that stands for it in measurements and
+    control.
 
     Its frame has x along the nose and z up; z = 0 is the table's top. All its geoms move as one,
     without joints, and `rectangle` gives an outline whose corners (4, 3) [m] are in the right
@@ -42,8 +46,9 @@ class Target:
 
 
 def target_of(spec: mujoco.MjSpec) -> Target:
-    """Return the target with this model; its reference rectangle is that of the model's site
-    `outline`, or else the one that `seen_from_above` finds.
+    """Return the target with the model `spec`. Its reference rectangle is that of the model's site
+    `outline`, or, without such a site, the one that `seen_from_above` finds around the visible
+    surface.
 
     Raises:
         ValueError: The site is not aligned with the model's axes, or no part of the target is seen
@@ -54,8 +59,8 @@ def target_of(spec: mujoco.MjSpec) -> Target:
 
 
 def rectangle(centre: Array, length: float, width: float) -> Array:
-    """Return the corners (4, 3) [m] of a level rectangle in the target's frame: rear left, front
-    left, front right, rear right, with the front at +x and the left at +y.
+    """Return the corners (4, 3) [m] of a level rectangle in a target's frame: rear left, front
+    left, front right, rear right, where the front is at +x and the left at +y.
 
     Args:
         centre: Centre of the rectangle (3,) [m].
@@ -68,8 +73,9 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
 
 
 def outline_site(spec: mujoco.MjSpec) -> Array | None:
-    """Return the corners (4, 3) [m], in the model's frame and in the order of `rectangle`, of the
-    rectangle that a model's site `outline` gives; None if the model has no such site.
+    """Return the corners (4, 3) [m] of the reference rectangle that a site called `outline` in a
+    target's model gives, in the model's frame: rear left, front left, front right, rear right.
+    Return None if the model has no such site.
 
     Raises:
         ValueError: The site is not aligned with the model's axes.
@@ -87,9 +93,9 @@ def outline_site(spec: mujoco.MjSpec) -> Array | None:
 
 
 def seen_from_above(spec: mujoco.MjSpec) -> Array:
-    """Return the corners (4, 3) [m], in the model's frame and in the order of `rectangle`, of the
-    level rectangle along x and y around the surface that is visible from straight above, at the
-    surface's mean height.
+    """Return the corners (4, 3) [m] of the rectangle along x and y around the surface of a model
+    that is visible from straight above, at the mean height of this surface, in the model's frame:
+    rear left, front left, front right, rear right.
 
     Raises:
         ValueError: No part of the model above z = 0, the table's top, is visible from above.

@@ -41,7 +41,7 @@ class Config:
     """Farthest from level, in any direction [deg]."""
 
     def build(self, rng: np.random.Generator) -> "Six":
-        """Return the motion; its frequencies and directions are drawn from the generator."""
+        """Return the motion, whose frequencies and signs of the amplitudes are drawn from `rng`."""
         frequencies = self.frequency * rng.uniform(SLOWEST, 1.0, (WAVES, 6))
         # Two tilts at once, of the same size, are sqrt(2) as large.
         tilt = radians(self.tilt_deg) / sqrt(2)
@@ -63,7 +63,7 @@ class Six:
     """Amplitudes of x, y, z [m] and of the rotations about x, y, z [rad] (6,)."""
 
     def at(self, time: float) -> Pose:
-        """Return the pose T_world_target at a time of the run [s]."""
+        """Return the target's pose T_world_target at a time since the start of the run [s]."""
         q = self.largest * np.sin(2 * pi * self.frequencies * time).mean(axis=0)
         turned = exp_so3(np.array([0.0, 0.0, q[5]]))
         return Pose(turned @ exp_so3(np.array([q[3], q[4], 0.0])), MIDDLE + q[:3])

@@ -29,7 +29,7 @@ class Config:
     """Duration of one round [s]."""
 
     def build(self, rng: np.random.Generator) -> "Wander":
-        """Return the motion; its shape, start and sense are drawn from the generator."""
+        """Return the motion, whose path, start and sense of rotation are drawn from `rng`."""
         order = np.array(HARMONICS)
         size = UNEVENNESS * rng.dirichlet(np.ones(len(order))) / order**2
         return Wander(self, size, rng.uniform(0, 2 * pi, len(order) + 1), rng.choice((-1, 1)))

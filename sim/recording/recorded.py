@@ -1,4 +1,6 @@
-"""A recording with the target's true outlines as the motion of a flat target in the room."""
+"""A recording of a real scene, and its target as a flat target in the simulated room, whose motion
+follows from the target's true outlines in the recording.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -33,9 +35,9 @@ Shown = Iterator[tuple[float, Image | None]]
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A recording: intrinsics of its camera, the times of its n pictures since the first [s], the
-    target's corners in them (n, 4, 2) [px], the first edge along its nose, nan where it is absent,
-    and a function that iterates over times and pictures.
+    """A recording of a real scene: intrinsics of its camera; the times of its n pictures since the
+    first [s]; the target's corners in them (n, 4, 2) [px], the first edge along the target's nose,
+    nan where the target is absent; and a function that returns an iterator over times and pictures.
     """
 
     camera: Camera
@@ -49,15 +51,17 @@ class Recorded:
     """Function that returns an iterator over the pictures, from the first one."""
 
     def index(self, time: float) -> int:
-        """Return the number of the picture that was the newest at a time since the first one [s]:
-        the first for earlier times, the last for later ones.
+        """Return the number (from 0) of the picture that was the newest at a time [s] since the
+        first one: 0 for times before it, and the last number for times after the recording.
         """
         number = int(np.searchsorted(self.times, time + SAME_TIME, side="right")) - 1
         return min(max(number, 0), len(self.times) - 1)
 
     @cached_property
     def present(self) -> NDArray[np.bool_]:
-        """Whether the target is seen, for each picture (n,)."""
+        """Mask (n,), true for each picture that shows the target: one in which all its corners are
+        finite.
+        """
         return np.asarray(np.isfinite(self.corners).all(axis=(1, 2)))
 
     @cached_property
@@ -69,8 +73,9 @@ class Recorded:
         return self.camera.normalise(self.corners[last])
 
     def target(self) -> Target:
-        """Return a flat target whose length and width are those of the first and second edge of the
-        outline in the first picture, 1 m away along the optical axis.
+        """Return a flat target as long and wide as the first and second edge of the target's
+        outline in the first picture, if it was 1 m away along the optical axis: a recording does
+        not tell the true size.
         """
         first = self._rays[0]
         length, width = np.linalg.norm(first[1:3] - first[:2], axis=1) * FIRST_DEPTH
@@ -83,11 +88,11 @@ class Recorded:
     def motion(self) -> "RecordedMotion":
         """Return the motion T_world_target of the flat target that `target` returns.
 
-        The target stays parallel to the plane of the picture, on the ray through the outline's
-        middle, and at the depth at which it covers the outline's area. Its x axis lies along the
-        outline's first edge in the first picture, and then turns by the rotation of the similarity
-        that takes the first outline to that of each picture. While the target is absent, it stays
-        where it was seen last.
+        The target stays parallel to the plane of the picture, on the ray through the recorded
+        outline's middle, and at the depth at which it covers the outline's area. Its x axis lies
+        along the outline's first edge in the first picture, and then turns by the rotation of the
+        similarity that takes the first outline to that of each picture. While the target is absent,
+        it stays where it was seen last.
         """
         middles = self._rays.mean(axis=1)
         areas = np.array([area(corners) for corners in self._rays])
@@ -107,9 +112,9 @@ class Recorded:
 
 @final
 class RecordedMotion:
-    """The motion of a recorded target: a `sim.stage.Motion`. `poses` holds T_world_target for each
-    picture; between two pictures the target stays where it was in the earlier one, as the picture
-    does.
+    """The motion of the target in a recording, with the method `at` of a `sim.stage.Motion`.
+    `poses` holds T_world_target for each picture; between two pictures the target stays where the
+    earlier one shows it.
     """
 
     def __init__(self, recorded: Recorded, poses: list[Pose]) -> None:
@@ -118,21 +123,23 @@ class RecordedMotion:
         self._poses = poses
 
     def at(self, time: float) -> Pose:
-        """Return T_world_target at a time since the start of the run [s]."""
+        """Return the target's pose T_world_target at a time since the start of the run [s]."""
         return self._poses[self._recorded.index(time)]
 
 
 class RecordingSettings(Protocol):
-    """Settings of a recording whose pictures take the place of rendered ones, if a run uses one."""
+    """Settings of a recording of a real scene, whose pictures take the place of rendered ones if a
+    run uses a recording.
+    """
 
     def renderer(self) -> MakeRenderer | None:
-        """Return the function that makes the renderer of a camera which turns inside the recording;
-        None if the run uses no recording.
+        """Return a function that makes the renderer of a camera which turns inside the recording;
+        None if the run uses no recording. Called when a run is built, before its first picture.
         """
         ...
 
     def remarks(self) -> list[str]:
-        """Return remarks for the user about the recording, a sentence each; an empty list if there
-        are none.
+        """Return remarks about the recording that the user is to read, a sentence each; an empty
+        list if there are none.
         """
         ...

@@ -24,8 +24,9 @@ MIDDLE = 0.5
 
 @final
 class RecordingRenderer:
-    """A renderer (`sim.camera.renderer.Renderer`) that cuts its pictures out of those of a
-    recording: they are what a camera sees that turns about the centre of the recording camera.
+    """A renderer, with the methods of `sim.camera.renderer.Renderer`, that cuts its pictures out of
+    those of a recording: they show what a camera sees that turns about the centre of the recording
+    camera.
 
     A thread reads, decodes and warps the recorded pictures, the next one ahead.
     """
@@ -56,12 +57,15 @@ class RecordingRenderer:
         """Rays of pixels `CELL` apart, with one more at each side."""
 
     def close(self) -> None:
-        """End the thread that reads the pictures."""
+        """End the thread that reads the pictures, after the picture that it is working on."""
         self._reader.shutdown(wait=True, cancel_futures=True)
         self._shown = iter(())
 
     def begin(self, data: mujoco.MjData) -> Promise:
-        """Begin the picture at the time and the camera pose of `data`; see `Renderer.begin`."""
+        """Begin the picture at the time and with the camera's orientation in MuJoCo's state `data`,
+        which may change afterwards. Return a function that waits for the picture, RGB, uint8 (H, W,
+        3), and returns it.
+        """
         number = self._recorded.index(data.time)
         turn = EYE.rotation.T @ camera_pose(data, self._camera).rotation
         begun = self._reader.submit(self._warped, number, turn)
@@ -69,15 +73,17 @@ class RecordingRenderer:
         return begun.result
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        """Return a mask (H, W) that is true everywhere, or false everywhere if `alone` is False and
-        the recording does not show the target at the time of `data`. The visible fraction is
-        therefore 1, or 0 where the target is absent.
+        """Return a mask (H, W) that is the same everywhere: false if `alone` is False and the
+        recording does not show the target at the time of `data`, else true. The target's visible
+        fraction is then 1, or 0 where it is absent. `geoms` is not used.
         """
         is_seen = alone or bool(self._recorded.present[self._recorded.index(data.time)])
         return np.full((self._view.height, self._view.width), is_seen)
 
     def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
-        """Return a function that returns depths (H, W) of inf: a recording shows none."""
+        """Return a function that returns a depth picture, float32 (H, W), of inf only: a recording
+        has no depths. `data` is not used.
+        """
         return lambda: np.full((self._view.height, self._view.width), np.inf, np.float32)
 
     def _read(self, number: int) -> None:
@@ -142,11 +148,12 @@ class RecordingRenderer:
 
 
 def seen_from(recording: Camera, turn: Array, rays: Array) -> Array:
-    """Return the pixels (..., 2) of the recording [px] that a turned camera sees along its rays
-    X/Z, Y/Z (..., 2); nan for rays behind the recording camera.
+    """Return the pixels (..., 2) [px] at which a recording shows what a turned camera, with the
+    same centre as the recording camera, sees along its rays; nan for rays behind the recording
+    camera.
 
     Args:
-        recording: The recording camera.
+        recording: Intrinsics of the recording camera.
         turn: Rotation R_recording_turned (3, 3): it takes directions in the turned camera's frame
             to the recording camera's.
         rays: Normalised coordinates X/Z, Y/Z (..., 2) in the turned camera's frame.

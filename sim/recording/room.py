@@ -1,4 +1,4 @@
-"""Ranges of pan and tilt in which a camera's view stays inside a recording."""
+"""Ranges of pan and tilt in which the picture of a turning camera stays inside a recording."""
 
 from collections.abc import Callable
 from math import degrees
@@ -20,20 +20,21 @@ Range = tuple[float, float]
 
 
 def turned(pan: float, tilt: float) -> Array:
-    """Return the rotation R_recording_turned (3, 3) of a camera after a pan to the right about the
-    picture's vertical, and then a tilt upwards [rad], in the recording camera's frame.
+    """Return the rotation R_recording_turned (3, 3) from the frame of a turned camera to that of
+    the recording camera, after a pan to the right about the picture's vertical [rad], and then a
+    tilt upwards [rad].
     """
     return exp_so3(np.array([0.0, pan, 0.0])) @ exp_so3(np.array([tilt, 0.0, 0.0]))
 
 
 def room_in(recording: Camera, view: Camera) -> tuple[Range, Range] | None:
-    """Return the ranges (lowest, highest) of pan, to the right, and of tilt, upwards [deg], in
-    which a view stays inside the recording, with any pan and any tilt together; None if the view is
-    larger than the recording.
+    """Return the ranges of pan to the right and of tilt upwards, (lowest, highest) [deg] each, in
+    which the picture of a turning camera stays inside a recording for every pan and tilt together.
+    Return None if even the picture of the camera that is not turned does not fit.
 
     Args:
-        recording: The recording camera.
-        view: The camera that turns in it.
+        recording: Intrinsics of the recording camera.
+        view: Intrinsics of the camera that turns about the recording camera's centre.
     """
     rays = view.normalise(border(view)[::EVERY])
     size = np.array([recording.width, recording.height])

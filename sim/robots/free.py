@@ -24,5 +24,7 @@ class Config(Drives):
     """Settings of the freely moving camera: errors of its drives and encoders, by default none."""
 
     def build(self, rng: np.random.Generator) -> Design:
-        """Return the design of the robot; uses no random numbers."""
+        """Return the design of the robot (model, drives and home positions) with these settings;
+        `rng` is not used.
+        """
         return shipped("free.xml", self, HOMES, INVERSION)

@@ -19,5 +19,7 @@ class Config(Drives):
     """Settings of the gantry: errors of its drives and encoders."""
 
     def build(self, rng: np.random.Generator) -> Design:
-        """Return the design of the robot; uses no random numbers."""
+        """Return the design of the robot (model, drives and home positions) with these settings;
+        `rng` is not used.
+        """
         return shipped("gantry.xml", self, (MIDDLE,), INVERSION)

@@ -36,7 +36,9 @@ class Config(Drives):
             check((low >= high, f"{name} = [{low:g}, {high:g}]: the first should be smaller"))
 
     def build(self, rng: np.random.Generator) -> Design:
-        """Return the design of the robot; uses no random numbers."""
+        """Return the design of the robot (model, drives and home positions) with these settings;
+        `rng` is not used.
+        """
         middles = [np.radians(sum(each) / 2).item() for each in (self.pan, self.tilt)]
         design = shipped("turning_head.xml", self, (tuple(middles),), INVERSION)
         spec = design.spec.copy()

@@ -72,7 +72,8 @@ class Config(Drives):
     """Largest rate of each joint, or one for all [rad/s or m/s]; by default the model's."""
 
     def build(self, rng: np.random.Generator) -> Design:
-        """Read the model file, and return the design of the robot; uses no random numbers.
+        """Read the model file, and return the design of the robot (model, drives, home positions
+        and base) with these settings; `rng` is not used.
 
         Raises:
             ValueError: The model file is missing or damaged, or a setting does not fit the model;
@@ -129,11 +130,12 @@ class Config(Drives):
 
 
 def model_path(model: str) -> Path:
-    """Return the path of the model file that the setting `robot.model` names: a path (not checked),
-    a shipped model's name, or "menagerie:NAME" or "menagerie:NAME/FILE" of the package
-    mujoco-menagerie, which downloads a robot at its first use. If MENAGERIE_ROOT names a folder, a
-    name with a suffix, such as "menagerie:NAME/FILE.xml", is a file in it, also not checked.
+    """Return the path of the robot model file that the setting `robot.model` names: a path (which
+    need not exist), a shipped model's name, or "menagerie:NAME" or "menagerie:NAME/FILE" of the
+    package mujoco-menagerie, which downloads a robot at its first use.
 
+    If the environment variable MENAGERIE_ROOT names a folder, a name with a suffix, such as
+    "menagerie:NAME/FILE.xml", is a file in this folder, which need not exist.
 
     Raises:
         ValueError: There is no shipped model of this bare name; or the Menagerie is not installed,
@@ -179,8 +181,8 @@ def _in_menagerie(model: str) -> Path:
 def shipped(
     model: str, drives: Drives, homes: tuple[tuple[float, ...], ...], inversion: Inversion
 ) -> Design:
-    """Return the design of a robot that comes with servobench; a second call with the same
-    arguments returns the same object.
+    """Return the design (model and settings) of a robot that comes with servobench; a second call
+    with the same arguments returns the same object.
 
     Args:
         model: File of its model in `scenes/robots`, such as "arm.xml".

@@ -23,7 +23,8 @@ class Config:
     "skimage:NAME"."""
 
     def build(self, rng: np.random.Generator) -> Target:
-        """Return the target; uses no random numbers.
+        """Return the target: the model of the box, and its upper side as the reference rectangle
+        that stands for it in control. `rng` is not used.
 
         Raises:
             ValueError: There is no such colour or picture.

@@ -15,7 +15,9 @@ class Config:
     """The toy car has no settings."""
 
     def build(self, rng: np.random.Generator) -> Target:
-        """Return the target; uses no random numbers."""
+        """Return the target: the model of the car, with the reference rectangle that stands for it
+        in control. `rng` is not used; every call returns the same object.
+        """
         return _car()
 
 

@@ -55,10 +55,12 @@ class Config(Outlined):
     says where it lies."""
 
     def build(self, rng: np.random.Generator) -> Target:
-        """Return the target, centred and resting on the table; uses no random numbers.
+        """Return the target: the mesh, centred and resting on the table, with the reference
+        rectangle that stands for it in control. `rng` is not used.
 
         Raises:
-            ValueError: A file cannot be read or is broken, or there is no such colour.
+            ValueError: A file cannot be read or is broken, the mesh has no texture coordinates for
+                the texture, or there is no such colour.
         """
         path = file_of(self.file, "targets", ".obj", "file")
         own = self.colour is None and self.texture is None

@@ -27,7 +27,8 @@ class Config(Outlined):
     z = 0. Joints, actuators, sensors, cameras, lights and the sky are left out."""
 
     def build(self, rng: np.random.Generator) -> Target:
-        """Return the target; uses no random numbers.
+        """Return the target: the model in the file, without joints, and the reference rectangle
+        that stands for it in control. `rng` is not used.
 
         Raises:
             ValueError: The file cannot be read or is damaged, has a plane, or has nothing that is

@@ -22,7 +22,8 @@ class Config:
     """Width, which is the picture's height [m]."""
 
     def build(self, rng: np.random.Generator) -> Target:
-        """Return the target; uses no random numbers.
+        """Return the target: a plate with the picture, and its upper side as the reference
+        rectangle that stands for it in control. `rng` is not used.
 
         Raises:
             ValueError: The picture is missing or cannot be read.

@@ -17,5 +17,7 @@ class Config(Marker):
     """Settings of the tag: its number, and the side of its black square [m]."""
 
     def build(self, rng: np.random.Generator) -> Target:
-        """Return the target; uses no random numbers."""
+        """Return the target: a plate with the AprilTag, and the tag's black square as the reference
+        rectangle that stands for it in control. `rng` is not used.
+        """
         return tag_target(self)

@@ -56,14 +56,16 @@ EXPONENT = 20
 
 @compiled(error_model="numpy")
 def dot(a: Array, b: Array) -> float:
-    """Return the scalar product of the first three entries of two arrays, summed in this order."""
+    """Return the scalar product of the first three entries of two arrays, summed from the first
+    entry on.
+    """
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled(error_model="numpy")
 def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) -> None:
-    """Compute the colour of a triangle's corner and write it into the corner: the emitted and
-    reflected light, at most 1 in each channel, by the lighting of OpenGL's fixed pipeline
+    """Compute the light that a triangle's corner emits and reflects, and write it into the corner
+    as its colour (red, green, blue, each at most 1), by the lighting of OpenGL's fixed pipeline
     (Blinn-Phong), as MuJoCo uses it.
 
     Args:
@@ -115,9 +117,9 @@ def project(corner: Array, view: Array) -> None:
     / z [1/m] into the corner.
 
     Args:
-        corner: Position in the camera's frame [m], colour, texture coordinates, pixel and
-            1 / z (11,).
-        view: Focal lengths and principal point (4,) [px].
+        corner: Position in the camera's frame [m], colour, texture coordinates, pixel and 1 / z
+            (11,); the position is read, and pixel and 1 / z are written.
+        view: Focal lengths fx, fy and principal point cx, cy (4,) [px].
     """
     corner[NEARNESS] = 1.0 / corner[2]
     corner[U] = view[0] * corner[0] * corner[NEARNESS] + view[2]
@@ -126,7 +128,8 @@ def project(corner: Array, view: Array) -> None:
 
 @compiled(error_model="numpy")
 def may_cover(corners: Array, height: int, width: int) -> bool:
-    """Return False if a triangle certainly covers no pixel centre of the picture.
+    """Return False if a triangle certainly covers no pixel centre of the picture, or has nearly no
+    area; True if it may cover one.
 
     Args:
         corners: The triangle's corners (3, 11), in front of the camera and projected by `project`.
@@ -151,7 +154,8 @@ def may_cover(corners: Array, height: int, width: int) -> bool:
 @compiled(error_model="numpy")
 def gradients(corners: Array, count: int, found: Array) -> None:
     """Compute how 1 / z, and colour and texture coordinates divided by z, change from pixel to
-    pixel in a triangle; all are linear in the picture (perspective-correct interpolation).
+    pixel in a triangle, and write the result into `found`. All of them are linear in the picture
+    (perspective-correct interpolation).
 
     Args:
         corners: The triangle's corners (3, 11), projected by `project`.
@@ -180,13 +184,13 @@ def gradients(corners: Array, count: int, found: Array) -> None:
 
 @compiled(error_model="numpy")
 def edges_of(corners: Array, found: Array) -> None:
-    """Compute the edges of a triangle in the picture, each from top to bottom, and write them into
-    `found`; triangles that share an edge get the same numbers.
+    """Compute the three edges of a triangle in the picture, each from top to bottom, and write them
+    into `found`. Triangles that share an edge get exactly the same numbers for it.
 
     Args:
         corners: The triangle's corners (3, 11), projected by `project`.
-        found: For each edge v of its upper and of its lower end [px], u of its upper end [px], and
-            the change of u by v (3, 4); written.
+        found: Written (3, 4): for each edge v of its upper and of its lower end [px], u of its
+            upper end [px], and the change of u by v (inf or nan for a horizontal edge).
     """
     for i in range(3):
         a = i
@@ -202,13 +206,13 @@ def edges_of(corners: Array, found: Array) -> None:
 
 @compiled(error_model="numpy")
 def row_of(edges: Array, middle: float, width: int) -> tuple[int, int]:
-    """Return the first column of a triangle in a row of pixels, and the column after its last [px],
-    which are equal if it covers no pixel of the row. Triangles that share an edge neither overlap
-    nor leave a gap.
+    """Return the columns that a triangle covers in a row of pixels: the first one, and the one
+    after the last [px]. If the first result is not less than the second, the triangle covers no
+    pixel of the row. Triangles that share an edge neither overlap nor leave a gap.
 
     Args:
         edges: The triangle's edges (3, 4), from `edges_of`.
-        middle: Vertical position of the row's pixel centres [px].
+        middle: Vertical position v of the row's pixel centres [px].
         width: Width of the picture [px].
     """
     left = np.inf
@@ -237,7 +241,7 @@ def fill(
     shown: Numbers,
 ) -> None:
     """Draw a triangle where it is nearer than the surfaces in the depth buffer, with its texture,
-    bilinearly interpolated in the nearest level of detail (mipmap), or in the two nearest ones.
+    bilinearly interpolated in the nearest mipmap level or, with `fine`, in the two nearest ones.
 
     A body without a picture has a texture of one pixel.
 
@@ -245,12 +249,14 @@ def fill(
         corners: The triangle's corners (3, 11), in front of the camera and projected by `project`.
         edges: Buffer (3, 4) for `edges_of`.
         even: Buffer (6, 3) for `gradients`.
-        body: Number of the body.
-        texels: Pixels of all textures: red, green and blue in one number, 21 bits apart; each level
-            has a border of one pixel, copied from its opposite side.
-        levels: Levels of this texture (n, 4): offset in `texels`, width, height, number of levels.
-        fine: Whether two levels are mixed, and places in the texture are computed more often.
-        image: The picture (H, W, 3), written.
+        body: Number of the triangle's body, to be written into `shown`.
+        texels: Pixels of all textures: red, green and blue in one number, 21 bits apart; each
+            mipmap level has a border of one pixel, copied from its opposite side.
+        levels: Mipmap levels of this texture (n, 4): offset in `texels`, width, height, number of
+            levels.
+        fine: True: mix two mipmap levels, and compute texture coordinates exactly every 8 px of a
+            row; False: use one level, and compute them every 32 px.
+        image: The picture, RGB (H, W, 3), written.
         nearness: Depth buffer: 1 / z of the nearest surface (H, W) [1/m], written.
         shown: Number of the body that each pixel shows (H, W), written.
     """
@@ -325,10 +331,17 @@ def fill(
 
 @compiled(error_model="numpy")
 def texel_steps(at: float, change: float, size: int) -> tuple[int, int]:
-    """Return the position of a texture coordinate `at`, which is 0 to 1 over the picture, in a
-    level of `size` texels with a border of one texel, and its change from a pixel to the next, both
-    in 1/65536 texel. The whole part of the position is the number, with the border, of the first of
-    the two texels that are interpolated.
+    """Return the position of a texture coordinate in a mipmap level, and its change from a pixel to
+    the next, both in 1/65536 texel.
+
+    The level has a border of one texel on each side. The whole part of the position is the number,
+    counted with the border, of the first of the two texels between which the colour is
+    interpolated.
+
+    Args:
+        at: Texture coordinate, 0 to 1 over the texture.
+        change: Its change from a pixel of the picture to the next.
+        size: Number of texels of the level, without the border.
     """
     # The border puts pixel 0 into column 1: half a pixel is added, not taken away.
     return int((at * size + 0.5) * 65536.0), int(change * size * 65536.0)
@@ -336,16 +349,17 @@ def texel_steps(at: float, change: float, size: int) -> tuple[int, int]:
 
 @compiled(error_model="numpy")
 def line_in(level: Indices, s: float, t: float, ds: float, dt: float, count: int) -> Line:
-    """Return the line in a texture's level along which some pixels of a row lie: the level's
-    offset, width and height; column and its change, row and its change per pixel [1/65536 texel];
-    and whether the line leaves the level, which then repeats.
+    """Return the line in a mipmap level of a texture along which neighbouring pixels of a row of
+    the picture lie: the level's offset, width and height; column and its change per pixel, row and
+    its change per pixel [1/65536 texel]; and whether the line leaves the level, so that the texture
+    is repeated.
 
     Args:
         level: Offset in the array of all texels, width, height, number of levels (4,).
-        s: First texture coordinate of the first pixel, 0 to 1 over the picture.
-        t: Second texture coordinate of the first pixel.
-        ds: Change of the first texture coordinate from a pixel to the next.
-        dt: Change of the second one.
+        s: First texture coordinate (along the columns) of the first pixel, 0 to 1 over the texture.
+        t: Second texture coordinate (along the rows) of the first pixel, 0 to 1 over the texture.
+        ds: Change of s from a pixel to the next.
+        dt: Change of t from a pixel to the next.
         count: Number of pixels.
     """
     wide = level[1]
@@ -358,9 +372,9 @@ def line_in(level: Indices, s: float, t: float, ds: float, dt: float, count: int
 
 @compiled(error_model="numpy")
 def texel(texels: Indices, line: Line, c: int) -> int:
-    """Return the bilinearly interpolated colour of pixel c of a line in a texture's level, in units
-    of 1/4096 grey level: red, green and blue in one number, 21 bits apart. `line` comes from
-    `line_in`.
+    """Return the bilinearly interpolated colour at the c-th pixel (from 0) of a line in a mipmap
+    level. Red, green and blue are in one number, 21 bits apart with red lowest, each in units of
+    1/4096 grey level. `line` comes from `line_in`, `texels` has the pixels of all textures.
     """
     start, wide, tall, x, dx, y, dy, turns = line
     x += c * dx
@@ -382,7 +396,9 @@ def texel(texels: Indices, line: Line, c: int) -> int:
 
 @compiled(error_model="numpy")
 def between(near: int, coarse: int, share: int) -> int:
-    """Return the mean of two colours from `texel`; the second one's weight is `share` / 64."""
+    """Return the weighted mean of two colours in the format of `texel`, with the weights 1 -
+    `share` / 64 for `near` and `share` / 64 for `coarse`.
+    """
     red = ((near & 0x1FFFFF) * (64 - share) + (coarse & 0x1FFFFF) * share) >> 6
     green = ((near >> 21 & 0x1FFFFF) * (64 - share) + (coarse >> 21 & 0x1FFFFF) * share) >> 6
     blue = ((near >> 42) * (64 - share) + (coarse >> 42) * share) >> 6
@@ -391,8 +407,8 @@ def between(near: int, coarse: int, share: int) -> int:
 
 @compiled(error_model="numpy")
 def is_beyond(first: int, last: int, size: int) -> bool:
-    """Return whether texture coordinates that run from `first` to `last` [1/65536 texel] leave a
-    texture level of `size` texels.
+    """Return whether positions in a mipmap level that run from `first` to `last` [1/65536 texel]
+    leave the level, which is `size` texels wide (or high).
     """
     return min(first, last) < 0 or max(first, last) > size << 16
 
@@ -401,18 +417,20 @@ def is_beyond(first: int, last: int, size: int) -> bool:
 def level_of(
     s_right: float, t_right: float, s_down: float, t_down: float, levels: Indices, fine: bool
 ) -> tuple[int, int]:
-    """Return the number of the texture's mipmap level whose texels are nearest in size to the
-    picture's pixels, and 0; or, if two levels are mixed, the number of the finer one, and the
-    weight of the next one [1/64].
+    """Return the number of a texture's mipmap level (0 is the finest) and a weight.
+
+    With `fine` false it is the level whose texels are nearest in size to the picture's pixels, with
+    the weight 0. With `fine` true it is the finer one of the two levels to mix, with the weight of
+    the next level [1/64].
 
     Args:
         s_right: Change of the first texture coordinate from a pixel to the next.
         t_right: Change of the second texture coordinate from a pixel to the next.
         s_down: Change of the first texture coordinate from a row to the next.
         t_down: Change of the second texture coordinate from a row to the next.
-        levels: Levels of the texture (n, 4): offset in the array of all texels, width, height,
-            number of levels.
-        fine: Whether two levels are mixed, and places in the texture are computed more often.
+        levels: Mipmap levels of the texture (n, 4): offset in the array of all texels, width,
+            height, number of levels.
+        fine: Whether two levels are to be mixed.
     """
     wide, tall = levels[0, 1], levels[0, 2]
     right = (s_right * wide) ** 2 + (t_right * tall) ** 2
@@ -432,17 +450,18 @@ def level_of(
 
 @compiled(error_model="numpy")
 def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found: Array) -> int:
-    """Clip a triangle at the near plane: write the corners of the part beyond the plane, and return
-    their number, 0, 3 or 4.
+    """Clip a triangle at the near plane: write the corners of the part that is farther than the
+    plane into `found`, and return their number, 0, 3 or 4.
 
     Args:
-        seen: All corners of the body (n, 11), which `project` has projected: position in the
-            camera's frame [m], colour, texture coordinates, pixel and 1 / z.
+        seen: All corners of the body (n, 11): position in the camera's frame [m], colour, texture
+            coordinates, pixel and 1 / z. Those farther than the near plane are projected by
+            `project`.
         faces: Numbers of the corners of each triangle (m, 3).
         face: Number of the triangle.
         near: Distance of the near plane [m].
-        view: Focal lengths and principal point (4,) [px].
-        found: The corners of the remaining part (4, 11), written.
+        view: Focal lengths fx, fy and principal point cx, cy (4,) [px].
+        found: Corners of the remaining part, projected (4, 11); written.
     """
     count = 0
     for k in range(3):
@@ -464,8 +483,8 @@ def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found:
 
 @compiled(error_model="numpy")
 def turn_to_second(part: Array) -> None:
-    """Replace the first triangle (rows 0, 1 and 2) of a quadrangle's corners (4, 11) by the second
-    one (rows 0, 2 and 3), in place.
+    """Change the corners of a quadrangle (4, 11) in place so that rows 0, 1 and 2, which are the
+    first of its two triangles, become the second one: old rows 0, 2 and 3.
     """
     for i in range(CORNER):
         part[1, i] = part[2, i]
@@ -474,8 +493,8 @@ def turn_to_second(part: Array) -> None:
 
 @compiled(error_model="numpy")
 def is_outside(middle: Array, radius: float, view: Array, height: int, width: int) -> bool:
-    """Return True if a ball lies completely outside the camera's view, behind the camera or beyond
-    one of the four planes through the camera and the sides of the picture.
+    """Return True if a ball lies completely behind the camera, or completely beyond one of the four
+    planes through the camera and the sides of the picture, so that it cannot be seen.
 
     Args:
         middle: Centre of the ball (3,) in the camera's frame [m].
@@ -528,8 +547,8 @@ def draw(
         rows: Corners: position [m], normal and texture coordinates in the body's frame (r, 8).
         first_face: First triangle of each body in `faces`, and the number of triangles (n + 1,).
         faces: Rows of the corners of each triangle (f, 3).
-        planes: Normal and distance of each triangle's plane in the body's frame, times twice its
-            area (f, 4).
+        planes: Normal and distance of each triangle's plane in the body's frame, both multiplied by
+            twice the triangle's area (f, 4).
         rotations: R_camera_body of each body (n, 3, 3).
         middles: Origin of each body in the camera's frame (n, 3) [m].
         radii: Radius of each body around its origin (n,) [m].

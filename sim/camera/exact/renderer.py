@@ -32,9 +32,10 @@ NO_BODY = -1
 
 
 class ExactRenderer:
-    """Software renderer for a camera of a MuJoCo model (by its name) with the intrinsics `view`,
-    with IEEE arithmetic in a fixed order; it has the methods of `sim.camera.renderer.Renderer`.
-    With `fine` it mixes two levels of a texture, as OpenGL does.
+    """Software renderer for a camera of a MuJoCo model (by its name) with the intrinsics `view`. It
+    gives the same pictures on every machine, and has the methods of the protocol
+    `sim.camera.renderer.Renderer`. With `fine` it mixes two mipmap levels of a texture, as OpenGL
+    does.
 
     The sky is drawn as one more body after all geoms, which emits light and moves with the camera.
 
@@ -95,24 +96,25 @@ class ExactRenderer:
         """Do nothing: this renderer holds no buffers to release."""
 
     def begin(self, data: mujoco.MjData) -> Promise:
-        """Begin a picture of the scene in `data`, which may change afterwards; return a function
-        that waits for the RGB picture (H, W, 3) and returns it.
+        """Begin to render the scene in MuJoCo's state `data`, which may change afterwards. Return a
+        function that waits for the picture, RGB, uint8 (H, W, 3), and returns it.
         """
         hidden = self._backdrop.is_hidden(data, self._camera)
         return self._draw(data, self._before_table if hidden else self._is_shown).result
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        """Return a mask (H, W), true where the picture shows a geom that the mask `geoms` (ngeom,)
-        selects; with `alone` no other geom is drawn.
+        """Return a mask (H, W), true where the picture of the scene in `data` shows a geom that
+        `geoms`, a mask over the ids of all geoms (ngeom,), selects. With `alone` only the selected
+        geoms are drawn, so that no other geom hides them.
         """
         wanted = np.append(geoms, False)
         self._draw(data, self._is_shown & wanted if alone else self._is_shown).result()
         return np.append(wanted, False)[self._shown]
 
     def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
-        """Begin a depth picture of the scene in `data`, which may change afterwards; return a
-        function that waits for the distances along the optical axis (H, W) [m], inf where no geom
-        is.
+        """Begin to render the depths of the scene in MuJoCo's state `data`, which may change
+        afterwards. Return a function that waits for the distances along the optical axis, float32
+        (H, W) [m], and returns them; inf where no geom is.
         """
         is_geom = np.arange(len(self._is_shown)) < self._model.ngeom
         return self._draw(data, self._is_shown & is_geom, self._depths).result

@@ -40,9 +40,10 @@ position [m], unit normal, and texture coordinates, 0 to 1 over the picture (3 n
 
 
 def solids_of(model: mujoco.MjModel) -> list[Solid]:
-    """Return the triangles of each geom in a model as an array (3 n, 8), with a row for each
-    corner, counter-clockwise as seen from outside: position [m] and unit normal in the geom's own
-    frame, and texture coordinates. A geom whose type cannot be drawn has no rows.
+    """Return the triangles of each geom in a model, in the order of the geoms' ids: for a geom with
+    n triangles an array (3 n, 8), a row for each corner, with position [m] and unit normal in the
+    geom's own frame and texture coordinates. Seen from outside, a triangle's corners run
+    counter-clockwise. A geom whose type cannot be drawn has no rows.
     """
     return [
         _mesh(model, geom) if kind == SHAPE.mjGEOM_MESH else _primitive(model, geom)
@@ -51,12 +52,13 @@ def solids_of(model: mujoco.MjModel) -> list[Solid]:
 
 
 def sky_of(side: int, far: float) -> Solid:
-    """Return the triangles of the sky, the inside of a cube around the camera along the world's
-    axes, as an array with a row for each corner: position [m] relative to the camera, unit normal
-    and texture coordinates (36, 8).
+    """Return the 12 triangles of the sky, the inside of a cube around the camera along the world's
+    axes, as an array (36, 8): a row for each corner, with position [m] relative to the camera, unit
+    normal and texture coordinates.
 
     Args:
-        side: Side of each of its six pictures, which lie one below the other in the texture [px].
+        side: Side [px] of each of the six pictures of the cube's faces, which lie one below the
+            other in the texture.
         far: Half a side of the cube [m].
     """
     corners = _split((SKY[:, :1] + TOP[:, :2] @ SKY[:, 1:]) * far)
@@ -67,7 +69,9 @@ def sky_of(side: int, far: float) -> Solid:
 
 
 def texture_of(model: mujoco.MjModel, geom: int) -> int:
-    """Return the index of the texture on a model's geom (by id); -1 if it has no texture."""
+    """Return the index of the colour texture on a geom of a model (by the geom's id); -1 if it has
+    none.
+    """
     material = model.geom_matid[geom]
     if material < 0:
         return -1
@@ -75,9 +79,9 @@ def texture_of(model: mujoco.MjModel, geom: int) -> int:
 
 
 def face_normals(corners: Array) -> Array:
-    """Return a normal (n, 3) of each of n triangles, with twice the triangle's area [m^2] as its
-    length, on the side from which its corners run counter-clockwise. `corners` (3 n, 3) [m] has
-    three rows per triangle.
+    """Return a normal of each of n triangles (n, 3), whose length is twice the triangle's area
+    [m^2] and which points to the side from which the corners run counter-clockwise. `corners` (3 n,
+    3) [m] has three rows for each triangle.
     """
     a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
     return np.cross(b - a, c - a)
