@@ -28,8 +28,9 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: obje
         kind: Name of a file in tracking/trackers, a kind of an installed package, or "module:Name"
             for a class of your own.
         seed: Seed of the tracker's random draws.
-        preset: "paper" for the settings in the paper that describes the tracker; None for the best
-            settings known.
+        preset: Name of one of the kind's presets: "paper" for the settings of the paper that
+            describes the tracker, and, for a few kinds, "video" for recordings; None for the
+            defaults, the best settings known.
         **settings: Fields of the kind's `Config`; `servobench list KIND` prints them.
 
     Raises:
@@ -64,8 +65,9 @@ def configured(kind: str, preset: str | None = None, **settings: object) -> Part
     Args:
         kind: Name of a file in tracking/trackers, a kind of an installed package, or "module:Name"
             for a class of your own.
-        preset: "paper" for the settings in the paper that describes the tracker; None for the best
-            settings known.
+        preset: Name of one of the kind's presets: "paper" for the settings of the paper that
+            describes the tracker, and, for a few kinds, "video" for recordings; None for the
+            defaults, the best settings known.
         **settings: Fields of the kind's `Config`; `servobench list KIND` prints them.
 
     Raises:

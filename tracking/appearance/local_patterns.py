@@ -39,10 +39,10 @@ Grey = NDArray[np.float32]
 
 
 def riu2(bits: NDArray[np.bool_]) -> NDArray[np.int16]:
-    """Return the numbers of ones (...) of binary patterns (P, ...); -1 for patterns that are not
-    uniform.
+    """Return the numbers of ones (...) among the P bits of binary patterns (P, ...), as int16; -1
+    for patterns that are not uniform.
 
-    A pattern is uniform if it has at most two changes around its circle.
+    A pattern is uniform if it has at most two changes around its circle of P bits.
     """
     changes = np.sum(bits != np.roll(bits, 1, axis=0), axis=0)
     return np.where(changes <= 2, bits.sum(axis=0), -1).astype(np.int16)
@@ -131,8 +131,8 @@ class TextureBins:
 
     @property
     def textures(self) -> int:
-        """Number of texture bins: the uniform patterns with at least two ones and two zeros; five
-        for eight neighbours.
+        """Number of texture bins P - 3 for P = `neighbours`: the uniform patterns with at least two
+        ones and two zeros.
         """
         return self.neighbours + 1 - 2 * FEWEST
 
@@ -185,9 +185,15 @@ class TextureSettings(AppearanceSettings):
     "discard" only, which would leave next to nothing."""
 
     def bins(self, image: Image, region: Region, state: State) -> Bins:
-        """Return the joint bins of colour and texture; or, for `rest` = "discard", bins of colour
-        alone if the share of textured pixels of the target in the first picture `image` is below
-        `least_texture`, because few pixels in so many bins make a new histogram in each picture.
+        """Return the joint histogram bins of colour and texture; or bins of colour alone if `rest`
+        is "discard", `levels` is above 1, and the share of textured pixels of the target in the
+        first picture is below `least_texture`: few pixels in so many bins make a new histogram in
+        each picture.
+
+        Args:
+            image: First picture, RGB (H, W, 3).
+            region: The target's rectangle [px].
+            state: State of the target in that picture.
         """
         joint = TextureBins(self.levels, self.neighbours, self.radius, self.rest)
         # The square in the middle: the corners of the region may show the ground.

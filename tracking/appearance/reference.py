@@ -34,7 +34,8 @@ RARE = 1e-4
 class Reference:
     """Reference histograms of the target, each with the sum 1, as their square roots: `root_parts`
     (K, B) for the K parts of the template and B bins, and `root_whole` (1, B) for the whole target.
-    With `learns` bins are weighed by the surroundings, and later pictures are learnt, too.
+    With `learns`, a bin counts less the more the surroundings show it, and `learn` updates the
+    histograms.
     """
 
     root_parts: Array
@@ -68,8 +69,9 @@ class Reference:
         return self._around.radius if self._learns else self._layout.radius
 
     def learn(self, image: LabelledImage, state: State) -> None:
-        """If `learns` was set, update the histograms of target and background from a picture in
-        which the target was found at a state.
+        """Update the reference histograms from a picture in which the target was found at `state`:
+        the target's with the weight 0.05, its surroundings' with 0.1. Does nothing if the argument
+        `learns` of the constructor was False.
         """
         if self._learns:
             self._now = _blend(self._now, histograms(image, self._layout, state), TARGET_RATE)

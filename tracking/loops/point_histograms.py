@@ -116,7 +116,8 @@ def coefficients(
     weights: Array,
     root_q: Array,
 ) -> Array:
-    """Return the Bhattacharyya coefficients (N, K) of each state's parts with their references.
+    """Return the Bhattacharyya coefficients (N, K), 0..1, of the histograms of the K parts of the
+    template at N states with their reference histograms.
 
     Args:
         window: Labels (h, w), and left and top of their part of the image [px].
@@ -144,8 +145,8 @@ def coefficients(
 
 @compiled()
 def squared_distances(rho: Array) -> Array:
-    """Return squared distances d_m^2 = 1 - mean_k rho_k (N,), at least 0, of coefficients rho
-    (N, K).
+    """Return the squared distances (N,) of N states, 1 minus the mean of the K Bhattacharyya
+    coefficients of each, but at least 0; `rho` (N, K) are the coefficients.
     """
     found = np.empty(len(rho))
     for n in range(len(rho)):
@@ -205,8 +206,8 @@ def mean_shift(
     most: int,
     tolerance: float,
 ) -> tuple[Array, Array, int]:
-    """Move x and y of each state (N, 4) to a local maximum of the Bhattacharyya coefficient with a
-    reference, by mean shift; angle and scale stay.
+    """Return states (N, 4) moved in x and y to a local maximum of the Bhattacharyya coefficient
+    with a reference histogram, by mean shift; angle and scale stay, and `states` is not changed.
 
     Args:
         window: Labels (h, w), and left and top of their part of the image [px].
@@ -216,10 +217,11 @@ def mean_shift(
         pulls: Weights of the points in a step (P,): equal under an Epanechnikov kernel.
         root_q: Square roots of the reference histogram (1, B).
         most: Largest number of evaluated histograms for a state.
-        tolerance: A shorter shift ends the search [px].
+        tolerance: A shift not longer than this ends the search [px].
 
     Returns:
-        States (N, 4), their coefficients (N,), and the number of evaluated histograms.
+        States (N, 4), their coefficients (N,), and the number of evaluated histograms of all states
+        together.
     """
     found = states.copy()
     rho = np.zeros(len(states))
