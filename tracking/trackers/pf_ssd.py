@@ -95,15 +95,16 @@ class Config(SimilaritySettings):
         return SampledModel(image, region, state, replace(self, inset=0.0))
 
     def build(self, rng: np.random.Generator) -> ParticleTracker:
-        """Return the tracker; its samples are drawn from the generator."""
+        """Return a new tracker with these settings, which draws its particles from `rng`."""
         return PfSsd(self, rng)
 
 
 @final
 class PfSsd(ParticleTracker):
-    """Particle filter whose estimate is refined by Newton's descent; the filter's mean is the
-    estimate where its histograms' distance exceeds `occluded`, the descent moves farther than
-    `trust` allows, or the target is not seen at the descent's end.
+    """Particle filter whose mean is refined by Newton's descent on histograms. Without the settings
+    `views` and `witness`, it reports the descent's end if the target is seen there, and else the
+    mean of the particles. There is no descent where the mean's distance exceeds `occluded`, and an
+    end farther away than `trust` is not used.
     """
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
@@ -111,7 +112,8 @@ class PfSsd(ParticleTracker):
         self._config = config
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the histograms of particles and kernels, and put all particles on the target.
+        """Learn the target's histograms for particles and descent from the first frame, in which it
+        is the rectangle `region` [px] at `state`, and put all particles on this state.
 
         Raises:
             ValueError: A side of the region is shorter than 4 px, or most of it is outside the

@@ -62,7 +62,9 @@ class Config:
     """Standard deviation of the noise of the pictures [grey levels]."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """Return a painted sequence with these settings, drawn from the generator."""
+        """Return a new sequence of painted pictures with the target's exact states, whose random
+        numbers come from `rng`. Its true corners are nan where the target is out of the picture.
+        """
         ground = _ground(rng)
         patch = _target(rng)
         fine = self._states(rng)

@@ -47,7 +47,9 @@ class Config:
     """Standard deviation of the noise of the pictures [grey levels]."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """Return a painted sequence with these settings, drawn from the generator."""
+        """Return a new sequence of painted pictures with the target's exact states, whose random
+        numbers come from `rng`.
+        """
         ground, patch = self._paint(rng)
         states = self._states(rng)
         noise_seed = int(rng.integers(1 << 31))
