@@ -95,10 +95,10 @@ def naming(path: Path) -> Generator[None]:
 
 
 def new_file(path: Path) -> BinaryIO:
-    """Open a new binary file for writing; an older file or link of this name is removed.
+    """Open a new binary file for writing; an older file or link of this name is removed first.
 
     Raises:
-        OSError: The file cannot be made.
+        OSError: The file cannot be made, or the path is a folder.
     """
     path.unlink(missing_ok=True)
     return os.fdopen(os.open(path, NEW, 0o666), "wb")
