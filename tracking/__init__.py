@@ -1,8 +1,8 @@
 """Trackers: each estimates where one target is in the frames of a camera.
 
 A tracker sees frames only, never the simulated world, except the tracker `truth`. `create` returns
-one of our trackers by its kind; `wrap` turns a class written for OpenCV or GOT-10k into a `Config`
-of a tracker of ours.
+one of our trackers by its kind (name); `wrap` turns a class that was written for OpenCV or GOT-10k
+into settings (a `Config` class) that build a tracker with our interface.
 """
 
 from __future__ import annotations

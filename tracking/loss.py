@@ -1,4 +1,6 @@
-"""Detection of target loss: a robust threshold on the appearance distance, with hysteresis."""
+"""Detection of target loss: a robust threshold, with hysteresis, on the distance of the picture
+from the target's appearance.
+"""
 
 import math
 from collections import deque
@@ -67,9 +69,10 @@ class LossJudge:
 
     @property
     def threshold(self) -> float:
-        """Threshold of the appearance distance, 0..1, above which a target that was seen in the
-        last frame counts as not seen: the median of the last 60 good frames plus 3 robust standard
-        deviations, clipped to the limits' floor and cap; the cap after fewer than 10 good frames.
+        """Threshold of the distance from the target's appearance, 0..1, above which a target that
+        was seen in the last frame counts as not seen: the median of the distances in the last 60
+        frames in which it was seen plus 3 robust standard deviations, clipped to the limits `floor`
+        and `cap`. It is `cap` before the target was seen in 10 frames.
         """
         if len(self._good) < FEW:
             return self._limits.cap

@@ -74,10 +74,10 @@ class Recogniser:
         self, image: LabelledImage, state: State, cloud: ParticleFilter, time: float
     ) -> float:
         """Return 1 - the confidence that a state shows the target, from 0 (certain) to 1 (lost),
-        smoothed over 0.15 s.
+        smoothed over 0.15 s. Call it once for each frame.
 
         Args:
-            image: Current picture.
+            image: Current picture, as `SampledModel.label` returns it.
             state: State that is judged, usually the current estimate.
             cloud: Current particles; the farther they spread, the lower the confidence.
             time: Time of the frame [s].

@@ -152,12 +152,13 @@ class Status(Enum):
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """Result of a tracker for one frame: state in the image; its covariance (4, 4) in x, y [px],
-    theta [rad] and ln scale; distance from the target's appearance, 0..1; status; whether angle and
-    size are followed; and corners (4, 2) [px] if the tracker finds them.
+    theta [rad] and ln scale, nan where unknown; distance from the target's appearance, 0..1;
+    status; whether angle and size are followed; and corners (4, 2) [px], None if the tracker finds
+    none.
 
     `evaluations` is the number of histograms computed. A particle filter adds its particles (N, 5),
     x, y [px], theta [rad], scale and weight, and their effective sample size `ess`. `likely_scale`
-    is the scale that a control loop uses if it rejects that of `state`.
+    is the scale that a control loop uses if it rejects that of `state`, else None.
     """
 
     state: State
@@ -198,8 +199,7 @@ def unknown_covariance() -> Array:
 
 
 class Tracker(Protocol):
-    """A method that follows one target through the frames of a sequence: the protocol of all
-    trackers.
+    """Protocol of all trackers: a method that follows one target through the frames of a sequence.
 
     `start` is called once with the first frame, then `update` once for each further frame in order.
     A tracker keeps its state between calls and copies the pixels that it needs later (the caller
@@ -219,19 +219,20 @@ class Tracker(Protocol):
     """
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the target's appearance from the first frame.
+        """Learn the target's appearance from the first frame; called once, before `update`.
 
         Args:
             frame: The first frame.
             region: Size of the target's rectangle in that frame [px].
-            state: Position [px] and angle [rad] of the rectangle in that frame.
+            state: Centre [px], angle [rad] and scale of the rectangle in that frame.
 
         Raises:
             ValueError: The region or the picture is unusable.
         """
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the estimate of the target in the next frame.
+        """Return the estimate of the target in the next frame; called for each frame after the
+        first, in order.
 
         Args:
             frame: The next frame.

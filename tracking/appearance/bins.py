@@ -1,4 +1,6 @@
-"""Bins of a histogram, and the bin numbers of the pixels in a window of the image."""
+"""Bins of a histogram of colours, and the bin numbers of the pixels in a window (rectangle) of an
+image.
+"""
 
 import math
 from dataclasses import dataclass

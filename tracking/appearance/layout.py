@@ -51,7 +51,8 @@ class Layout:
     def of(
         points: Array, parts: NDArray[np.int64], kernel: Array, pulls: Array | None = None
     ) -> "Layout":
-        """Return a layout of points (P, 2) whose kernel values (P,) are normalised over each part.
+        """Return a layout of points (P, 2) whose kernel weights (P,) are scaled to the sum 1 in
+        each part (cell, ellipse or ring).
 
         Args:
             points: Template points (P, 2) from the target's centre, at scale 1 [px].

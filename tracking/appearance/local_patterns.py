@@ -51,14 +51,16 @@ def riu2(bits: NDArray[np.bool_]) -> NDArray[np.int16]:
 def ones_of(
     grey: Grey, threshold: float = THRESHOLD, neighbours: int = 8, radius: float = 1.0
 ) -> NDArray[np.int16]:
-    """Return the numbers of ones (h - 2m, w - 2m) of the local binary patterns of the inner pixels;
-    -1 for patterns that are not uniform.
+    """Return the numbers of ones (h - 2m, w - 2m) of the local binary patterns of the pixels that
+    are at least m from the border; -1 for patterns that are not uniform (more than two changes
+    around the circle). A bit is one where a neighbour is at least `threshold` brighter than the
+    pixel.
 
     Args:
         grey: A picture (h, w) [grey levels].
         threshold: Least difference of a brighter neighbour [grey levels].
-        neighbours: Points P on the circle, the first to the right, then clockwise.
-        radius: Radius of the circle [px]; the margin m is the next whole number.
+        neighbours: Points P on the circle around the pixel, the first to the right, then clockwise.
+        radius: Radius of the circle [px]; m is the radius rounded up.
     """
     least = _inner(grey, radius, 0, 0) + np.float32(threshold)
     turns = 2 * np.pi * np.arange(neighbours) / neighbours
@@ -142,7 +144,9 @@ class TextureBins:
         return major + {"discard": 0, "bin": 1, "colour": self.levels**3}[self.rest]
 
     def label(self, image: Image, window: Window) -> Labels:
-        """Return the bin numbers (h, w) of the pixels in a window; -1 for a pixel in no bin."""
+        """Return the numbers of the joint bins of colour and texture, as integers (h, w), of the h
+        x w pixels in a window of an image, RGB (H, W, 3); -1 for a pixel in no bin.
+        """
         colours = ColourBins(self.levels).label(image, window)
         if colours.size == 0:
             return colours

@@ -4,7 +4,7 @@ Learning is beyond the papers. It weighs each bin of the reference by the share 
 target and surroundings, q_u / (q_u + b_u): what the background also shows counts less (the ratio of
 Vojir, Noskova, Matas 2013, not the neutral weights of Comaniciu, which cancel from the mean-shift
 step). It also lets the reference follow the target's appearance, but only in pictures where it was
-found, and never farther than `ANCHOR` from its first appearance (Nummiaro, Koller-Meier, Van Gool
+found, and its first appearance always keeps a weight of 0.7 (Nummiaro, Koller-Meier, Van Gool
 2003).
 """
 
@@ -65,7 +65,9 @@ class Reference:
 
     @property
     def radius(self) -> float:
-        """Distance from the target's centre up to which pixels are read, at scale 1 [px]."""
+        """Distance from the target's centre, at scale 1 [px], up to which the reference histograms
+        need pixels.
+        """
         return self._around.radius if self._learns else self._layout.radius
 
     def learn(self, image: LabelledImage, state: State) -> None:

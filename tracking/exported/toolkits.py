@@ -229,7 +229,9 @@ class VotHandle(Protocol):
     """
 
     def region(self) -> Any:
-        """Return the target's region in the first picture [px], of a rectangle or polygon type."""
+        """Return the target's region in the first picture [px]: an object with x, y, width and
+        height, or one with `points`.
+        """
 
     def frame(self) -> str | None:
         """Return the path of the next picture; None or "" at the end."""

@@ -172,8 +172,9 @@ def creator_of(name: str) -> Callable[..., Any]:
 
 
 def running() -> str:
-    """Return a text with the version of the imported OpenCV, and whether it has the additional
-    modules. Package metadata may be wrong: two packages of OpenCV overwrite each other's files.
+    """Return the version of the imported OpenCV and whether it has the additional modules, as a
+    text such as "4.12.0 with the additional modules". Package metadata may be wrong: two packages
+    of OpenCV overwrite each other's files.
     """
     contrib = hasattr(cv2, "TrackerCSRT")
     return f"{cv2.__version__} {'with' if contrib else 'without'} the additional modules"

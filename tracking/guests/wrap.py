@@ -171,8 +171,9 @@ def _unrounded(box: Array, exact: Array, whole: Array) -> Array:
 
 
 def convention_of(tracker: Foreign) -> Convention:
-    """Return the convention of a tracker: "got10k" for a subclass of that toolkit's `Tracker`, and
-    where the second argument of `init` is named box or bbox; else "opencv".
+    """Return how the methods of a tracker of another author want to be called: "got10k" (RGB,
+    pixels counted from 1) for a subclass of that toolkit's `Tracker`, and where the second argument
+    of `init` is named box or bbox; else "opencv" (BGR, pixels counted from 0).
     """
     if any(base.__module__.startswith("got10k.") for base in type(tracker).__mro__):
         return "got10k"
@@ -202,11 +203,12 @@ class Wrapping:
     """Whether the tracker is one of OpenCV's own (see `Called`)."""
 
     def timed(self, seed: int, settings: GuestSettings) -> TimedGuest:
-        """Return a new tracker, ready for the first picture, in a thread of its own.
+        """Return a new tracker, ready for the first picture, in a thread of its own, whose answers
+        have time limits.
 
         Args:
             seed: Seed of all random numbers of the tracker.
-            settings: Settings with the time limits of the tracker's answers.
+            settings: Settings with the time limits `timeout` and `loading` [s].
 
         Raises:
             ValueError: As `called` does, or the tracker was not made within `settings.loading`.
@@ -279,7 +281,9 @@ def is_foreign(tracker: object) -> TypeGuard[Foreign]:
 
 @dataclass(frozen=True)
 class WrapSettings(GuestSettings):
-    """Settings of a tracker that `wrap` makes of a class of another author."""
+    """Settings of a tracker that `wrap` makes of a class of another author (`wrapping`): those of
+    any tracker of another author.
+    """
 
     wrapping: ClassVar[Wrapping]
 

@@ -316,11 +316,12 @@ def solved(A: Array, b: Array) -> Array:
 @compiled(error_model="numpy")
 def damped_step(gradient: Array, curvature: Array, damping: float, units: Array) -> Array:
     """Return Levenberg's step (4,) of x, y [px], theta [rad] and ln scale: -(H + damping * mean of
-    its diagonal)^-1 g, computed with each coordinate divided by its unit.
+    H's diagonal * identity)^-1 g, with curvature H and gradient g, computed with each coordinate
+    divided by its unit.
 
     Args:
-        gradient: Gradient (4,).
-        curvature: Curvature (4, 4).
+        gradient: Gradient g (4,).
+        curvature: Curvature H (4, 4).
         damping: Damping relative to the mean of the scaled diagonal.
         units: Unit of each coordinate (4,), by which the damping weighs the coordinates.
     """

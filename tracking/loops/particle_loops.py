@@ -18,7 +18,9 @@ LARGEST_BETA = 1e4
 
 @compiled()
 def normalised(log_weights: Array) -> Array:
-    """Return weights (N,) that sum to 1, from logarithms (N,) with any constant added."""
+    """Return weights (N,) that sum to 1, from their natural logarithms (N,), to which any constant
+    may be added.
+    """
     # The largest becomes exp(0): without this, all could underflow to 0.
     top = -np.inf
     for log_weight in log_weights:

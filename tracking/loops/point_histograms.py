@@ -91,12 +91,14 @@ def histograms(
     count: int,
     bins: int,
 ) -> Array:
-    """Return the histograms (count, bins) of all parts at one state (4,), not normalised.
+    """Return the histograms (count, bins) of all parts of the template at one state, not
+    normalised: sums of the weights of the points in each bin.
 
     Args:
-        window: Labels (h, w), and left and top of their part of the image [px].
-        state: x, y [px], theta [rad], ln scale.
-        points: Template points (P, 2) [px].
+        window: Bin numbers (h, w) of pixels, negative for none, and left and top of their part of
+            the image [px].
+        state: State (4,): x, y [px], theta [rad], ln scale.
+        points: Template points (P, 2) from the target's centre, at scale 1 [px].
         parts: Part of each point (P,), 0..count-1.
         weights: Kernel weight of each point (P,).
         count: Number of parts.
@@ -120,9 +122,10 @@ def coefficients(
     template at N states with their reference histograms.
 
     Args:
-        window: Labels (h, w), and left and top of their part of the image [px].
+        window: Bin numbers (h, w) of pixels, negative for none, and left and top of their part of
+            the image [px].
         states: States (N, 4): x, y [px], theta [rad], ln scale.
-        points: Template points (P, 2) [px].
+        points: Template points (P, 2) from the target's centre, at scale 1 [px].
         parts: Part of each point (P,), 0..K-1.
         weights: Kernel weight of each point (P,), above 0, summing to 1 over a part.
         root_q: Square roots of the reference histograms (K, B).
@@ -210,9 +213,10 @@ def mean_shift(
     with a reference histogram, by mean shift; angle and scale stay, and `states` is not changed.
 
     Args:
-        window: Labels (h, w), and left and top of their part of the image [px].
+        window: Bin numbers (h, w) of pixels, negative for none, and left and top of their part of
+            the image [px].
         states: First states (N, 4): x, y [px], theta [rad], ln scale.
-        points: Template points (P, 2) [px].
+        points: Template points (P, 2) from the target's centre, at scale 1 [px].
         weights: Kernel weights of the points (P,), summing to 1.
         pulls: Weights of the points in a step (P,): equal under an Epanechnikov kernel.
         root_q: Square roots of the reference histogram (1, B).

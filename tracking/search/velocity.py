@@ -43,7 +43,8 @@ class Velocity:
 
     def jump(self, state: State, size: float) -> float:
         """Return how far a state is from the one that `step` predicted: the distance of the
-        positions over the target's size, or the difference of ln scale, whichever is larger.
+        positions over the target's size, or the difference of ln scale, whichever is larger. The
+        angle does not count.
 
         Args:
             state: The state that was found.

@@ -54,7 +54,7 @@ class Sequence:
     def painted(
         name: str, paint: Callable[[int], Image], region: Region, states: Array
     ) -> "Sequence":
-        """Return a sequence of painted pictures.
+        """Return a sequence of painted pictures with the target's exact corners and states.
 
         Args:
             name: Name of the sequence.

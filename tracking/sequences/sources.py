@@ -261,8 +261,8 @@ def _gaps(files: Sequence[Path]) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class PaintedSource:
-    """Source of `count` pictures, RGB (H, W, 3), that a function paints by their numbers; the first
-    is 0.
+    """Source of `count` pictures, RGB (H, W, 3), that the function `paint` returns for the numbers
+    0 to count - 1; they come at `rate` [1/s], and `end` is always None.
     """
 
     paint: Callable[[int], Image]

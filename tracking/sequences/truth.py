@@ -48,7 +48,9 @@ REMEDY = (
 
 
 class Format(Enum):
-    """Format of a truth file; the value of each member is the meaning of a line's numbers."""
+    """Format of a truth file (the target's true outline in each picture); the value of each member
+    says what the numbers of a line mean.
+    """
 
     AUTO = "decided by the file's name and header, refused if they do not decide"
     OTB = "x,y,w,h, pixels counted from 1; also GOT-10k's and LaSOT's"

@@ -88,9 +88,9 @@ class Config(SimilaritySettings):
 
     def model(self, image: Image, region: Region, state: State) -> SampledModel:
         """Return the reference histograms by which particles are weighed, learnt from the first
-        picture, RGB (H, W, 3), with the target at `state`. The setting `inset` is ignored, as it is
-        for the descent's kernels only: particles are also weighed by how unlike the whole target
-        the ring around their region is.
+        picture, RGB (H, W, 3), in which the target is the rectangle `region` [px] at `state`. The
+        setting `inset` is not used, as it is for the descent's kernels only: particles are also
+        weighed by how unlike the whole target the ring around their region is.
         """
         return SampledModel(image, region, state, replace(self, inset=0.0))
 

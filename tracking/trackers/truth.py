@@ -43,7 +43,9 @@ class Config:
 
     @property
     def traits(self) -> Traits:
-        """Traits of the tracker: CORNERS if it reports corners, otherwise none."""
+        """Set of the tracker's properties (`Trait`): CORNERS if it reports corners, otherwise
+        empty.
+        """
         return frozenset({Trait.CORNERS}) if self.corners else frozenset()
 
     def build(self, rng: np.random.Generator) -> "TruthTracker":

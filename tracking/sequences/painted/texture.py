@@ -1,7 +1,7 @@
 """Painted sequence: texture, in which a textured car on a road of the same colour changes its size
 and its speed.
 
-For the claim of the PFJCTH paper that texture separates such a target from the background, and
+It tests the claim of the PFJCTH paper that texture separates such a target from the background, and
 colour alone does not. The car, 56 x 32 px, follows a smooth curve with changing speed; its size
 grows and shrinks as if its distance changed.
 """
