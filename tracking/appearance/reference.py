@@ -72,8 +72,9 @@ class Reference:
 
     def learn(self, image: LabelledImage, state: State) -> None:
         """Update the reference histograms from a picture in which the target was found at `state`:
-        the target's with the weight 0.05, its surroundings' with 0.1. Does nothing if the argument
-        `learns` of the constructor was False.
+        its later appearance, which has a weight of 0.3 beside the first one, moves towards the
+        picture by a share of 0.05, the surroundings' histogram by 0.1. Do nothing if `learns` of
+        the constructor was False.
         """
         if self._learns:
             self._now = _blend(self._now, histograms(image, self._layout, state), TARGET_RATE)

@@ -94,8 +94,8 @@ class Witness:
 
     def signs(self, state: State) -> tuple[float, float]:
         """Return two measures of whether the target is at a state in the picture that `look`
-        stored: the output of the slowly learning filter, -0.05 to about 1, and the correlation with
-        the template from the first picture, -1..1.
+        stored: the output of the slowly learning filter, up to about 1 and -0.05 outside its
+        window, and the correlation with the template from the first picture, -1..1.
         """
         at = state.vector[None]
         answer = self._answers(self._filter.slow_answer, at)

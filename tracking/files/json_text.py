@@ -19,7 +19,8 @@ def as_json(value: object) -> Any:
 
     A dataclass becomes a dict of its fields, an enum member its value, a tuple or an array a list,
     a number of NumPy a plain number, and infinity and nan become None. The keys of a dict and
-    values of any other type become text, with ? for characters that UTF-8 does not have.
+    values of any other type become text. In a str or a key, ? replaces a character that UTF-8 does
+    not have.
     """
     match value:
         case bool() | int() | None:

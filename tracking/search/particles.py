@@ -71,8 +71,8 @@ class ParticleFilter:
 
     @property
     def follows(self) -> tuple[bool, bool]:
-        """Two bools: True if the samples vary in angle, and True if they vary in size, because the
-        noise in this coordinate is above 0.
+        """Pair of bools: True if the samples vary in angle, and True if they vary in size, because
+        the noise of this coordinate is above 0.
         """
         return bool(self._noise[2] > 0), bool(self._noise[3] > 0)
 

@@ -101,7 +101,7 @@ class Config(ClimbSettings):
 class MeanShift:
     """Tracker that in each frame moves from the predicted state to a local maximum of the
     similarity to the target's histogram by mean shift (a climb). The angle keeps its first value;
-    `settings.climb` tells whether the size does.
+    the size does, too, unless `settings.climb.scale` is True.
     """
 
     _model: SampledModel = SET_BY_START

@@ -103,8 +103,9 @@ class Config(SimilaritySettings):
 class PfSsd(ParticleTracker):
     """Particle filter whose mean is refined by Newton's descent on histograms. Without the settings
     `views` and `witness`, it reports the descent's end if the target is seen there, and else the
-    mean of the particles. There is no descent where the mean's distance exceeds `occluded`, and an
-    end farther away than `trust` is not used.
+    mean of the particles; with one of them, whichever of both is more like the learnt appearance.
+    There is no descent where the mean's distance exceeds `occluded`, and an end farther away than
+    `trust` is not used.
     """
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
