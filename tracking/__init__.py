@@ -1,8 +1,8 @@
 """Trackers: each estimates where one target is in the frames of a camera.
 
 A tracker sees frames only, never the simulated world, except the tracker `truth`. `create` returns
-one of our trackers by its kind; `wrap` turns a class written for OpenCV or GOT-10k into a `Config`
-of a tracker of ours.
+one of our trackers by its kind (name); `wrap` turns a class that was written for OpenCV or GOT-10k
+into settings (a `Config` class) that build a tracker with our interface.
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: obje
         kind: Name of a file in tracking/trackers, a kind of an installed package, or "module:Name"
             for a class of your own.
         seed: Seed of the tracker's random draws.
-        preset: "paper" for the settings in the paper that describes the tracker; None for the best
-            settings known.
+        preset: Name of one of the kind's presets: "paper" for the settings of the paper that
+            describes the tracker, and, for a few kinds, "video" for recordings; None for the
+            defaults, the best settings known.
         **settings: Fields of the kind's `Config`; `servobench list KIND` prints them.
 
     Raises:
@@ -64,8 +65,9 @@ def configured(kind: str, preset: str | None = None, **settings: object) -> Part
     Args:
         kind: Name of a file in tracking/trackers, a kind of an installed package, or "module:Name"
             for a class of your own.
-        preset: "paper" for the settings in the paper that describes the tracker; None for the best
-            settings known.
+        preset: Name of one of the kind's presets: "paper" for the settings of the paper that
+            describes the tracker, and, for a few kinds, "video" for recordings; None for the
+            defaults, the best settings known.
         **settings: Fields of the kind's `Config`; `servobench list KIND` prints them.
 
     Raises:

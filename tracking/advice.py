@@ -42,8 +42,9 @@ def advice(config: PartConfig[Tracker], image: Image, region: Region, state: Sta
         state: State of the target in that picture.
 
     Returns:
-        One sentence; empty where the tracker does well, and for trackers that use neither colours
-        nor texture, which are not tried.
+        One sentence, or "" for no warning. Trackers that use neither colours nor texture are not
+        tried and get no warning; nor do those that use texture, on a target with the colours of its
+        surroundings.
     """
     kind = kind_of(config)
     traits = traits_of(config) or frozenset()

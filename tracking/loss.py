@@ -1,4 +1,6 @@
-"""Detection of target loss: a robust threshold on the appearance distance, with hysteresis."""
+"""Detection of target loss: a robust threshold, with hysteresis, on the distance of the picture
+from the target's appearance.
+"""
 
 import math
 from collections import deque
@@ -53,8 +55,9 @@ class LossLimits:
 
 
 class LossJudge:
-    """Decides frame by frame whether the target is seen, by comparing its appearance distance with
-    a threshold that follows from recent frames in which it was seen ("good frames").
+    """Decides frame by frame whether the target is seen: it compares the distance of the picture
+    from the target's appearance, 0..1, with a threshold that follows from the distances in recent
+    frames in which the target was seen ("good frames").
     """
 
     def __init__(self, limits: LossLimits) -> None:
@@ -66,9 +69,10 @@ class LossJudge:
 
     @property
     def threshold(self) -> float:
-        """Threshold of the appearance distance, 0..1, above which a target that was seen in the
-        last frame counts as not seen: the median of the last 60 good frames plus 3 robust standard
-        deviations, clipped to the limits' floor and cap; the cap after fewer than 10 good frames.
+        """Threshold of the distance from the target's appearance, 0..1, above which a target that
+        was seen in the last frame counts as not seen: the median of the distances in the last 60
+        frames in which it was seen plus 3 robust standard deviations, clipped to the limits `floor`
+        and `cap`. It is `cap` before the target was seen in 10 frames.
         """
         if len(self._good) < FEW:
             return self._limits.cap
@@ -81,10 +85,12 @@ class LossJudge:
         return self._unseen_since is None
 
     def judge(self, distance: float, time: float, jump: float = math.inf) -> Status:
-        """Return the status of a frame. LOCKED: the distance is at most the threshold (after a
-        frame that was not LOCKED, `hysteresis` times the threshold), and it did not rise suddenly,
-        with a jump of the estimate, within the last 0.3 s (never tested if the limit `sudden` is
-        0). Else UNSURE, and LOST after `patience` s without LOCKED.
+        """Return the status of a frame: LOCKED if the target is seen, else UNSURE, or LOST after
+        `patience` s in which it was not seen.
+
+        It is seen if the distance is at most `threshold`; after a frame in which it was not, at
+        most `hysteresis` times `threshold`. If the limit `sudden` is above 0, a sudden rise of the
+        distance together with a jump counts as not seen for 0.3 s.
 
         Args:
             distance: Distance from the target's appearance, 0..1; inf if the target was not found.

@@ -46,9 +46,9 @@ TINY = 1e-12
 
 
 class Recogniser:
-    """Stored views (small pictures) of one target, at most `count`, and the confidence, from 0
-    (lost) to 1 (certain), that the tracker follows this target. From the start `model` compares
-    states with the views, too.
+    """Confidence, from 0 (lost) to 1 (certain), that a tracker follows its target, computed from
+    colours, the spread of the particles, and the likeness to at most `count` stored views (pictures
+    of 8 x 8 points of the target). A new object makes `model` compare states with the views, too.
     """
 
     def __init__(
@@ -74,10 +74,10 @@ class Recogniser:
         self, image: LabelledImage, state: State, cloud: ParticleFilter, time: float
     ) -> float:
         """Return 1 - the confidence that a state shows the target, from 0 (certain) to 1 (lost),
-        smoothed over 0.15 s.
+        smoothed over 0.15 s. Call it once for each frame.
 
         Args:
-            image: Current picture.
+            image: Current picture, as `SampledModel.label` returns it.
             state: State that is judged, usually the current estimate.
             cloud: Current particles; the farther they spread, the lower the confidence.
             time: Time of the frame [s].
@@ -95,8 +95,9 @@ class Recogniser:
         return 1 / (1 + math.exp(self._logit))
 
     def learn(self, image: LabelledImage, state: State, doubt: float) -> None:
-        """Store the view at a state if the smoothed confidence is at least 0.8, and that of this
-        frame above 0.5.
+        """Store the picture of the target at a state as a new view (8 x 8 points) if the smoothed
+        confidence is at least 0.8, the confidence of this frame alone is above 0.5, and no stored
+        view is alike (correlation above 0.9).
 
         Args:
             image: Current picture.
@@ -108,8 +109,8 @@ class Recogniser:
             self._views.learn(image.blurred, state)
 
     def send(self, cloud: ParticleFilter, image: LabelledImage, last: State) -> None:
-        """Move a quarter of the particles to the up to five places in the picture that are most
-        similar to a stored view; none if no place is found.
+        """Move a quarter of the particles to the places in the picture, at most five, that are most
+        similar to a stored view (a small picture of the target). If no place is found, move none.
 
         Args:
             cloud: The particles, of which the last ones in the array are moved.

@@ -40,9 +40,9 @@ SET_BY_START: Any = _SetByStart()
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Position x (to the right) and y (down) [px], orientation theta, from +x towards +y [rad], and
-    size relative to the first frame of the target in the image (Teuliere, Marchand, Eck, section
-    II). Pixels count from the image's top left corner.
+    """State of the target in one picture: its centre x (to the right) and y (down) from the image's
+    top left corner [px]; its orientation theta, from +x towards +y [rad]; and its size over its
+    size in the first picture, `scale` (Teuliere, Marchand, Eck, section II).
     """
 
     x: float
@@ -60,8 +60,8 @@ class State:
         return np.array([self.x, self.y, self.theta, math.log(self.scale)])
 
     def moved(self, change: Array | None) -> State:
-        """Return this state plus a change (4,) of x, y [px], theta [rad] and ln scale; None: no
-        change.
+        """Return this state plus a change (4,) of x, y [px], theta [rad] and ln scale, with ln
+        scale clipped to -5..5; for None return the state itself.
         """
         return self if change is None else State.of(self.vector + change)
 
@@ -80,9 +80,9 @@ CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """Size of the rectangle around the target in the first frame [px], and, if they are known, the
-    target's corners (4, 2) there (`quad`). A `State` gives the rectangle's centre, angle and scale
-    in any frame.
+    """Width and height [px] of the rectangle around the target in the first picture, and the
+    target's four corners (4, 2) [px] there (`quad`), None where they are not known. A `State` says
+    where this rectangle is in any picture: its centre, angle and scale.
     """
 
     width: float
@@ -104,15 +104,14 @@ class Region:
         return box @ np.array([[c, s], [-s, c]]) + (state.x, state.y)
 
     def first_corners(self, state: State) -> Array:
-        """Return the target's corners (4, 2) in the first picture [px], in the order of `corners`:
-        `quad`, if it is known, else those of the rectangle at `state`, the target's state in that
-        picture.
+        """Return the target's corners (4, 2) in the first picture [px], clockwise: `quad` if it is
+        known, else the corners of the rectangle at `state`, the target's state in that picture.
         """
         return self.corners(state) if self.quad is None else self.quad
 
     def inner(self, inset: float) -> Region:
-        """Return a region with the same centre whose width and height are shorter by a share, 0..1,
-        half of it on each side.
+        """Return a region with the same centre whose width and height are shorter by the share
+        `inset`, 0..1, half of it on each side; its `quad` is None.
         """
         return Region(self.width * (1 - inset), self.height * (1 - inset))
 
@@ -131,8 +130,8 @@ def turns_of(corners: Array) -> Array:
 
 
 def goes_around(corners: Array) -> bool:
-    """Return True if corners (4, 2) [px] form a convex outline in the order of `Region.corners`
-    (clockwise in the image), as a rectangle does that is seen from its front.
+    """Return True if corners (4, 2) [px] form a convex outline that runs clockwise in the image, as
+    the corners of a rectangle do that is seen from its front. Three of them may lie on one line.
     """
     turns = turns_of(corners)
     return bool(turns.sum() > 0 and turns.min() >= -ROUNDING * turns.sum())
@@ -153,12 +152,13 @@ class Status(Enum):
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """Result of a tracker for one frame: state in the image; its covariance (4, 4) in x, y [px],
-    theta [rad] and ln scale; distance from the target's appearance, 0..1; status; whether angle and
-    size are followed; and corners (4, 2) [px] if the tracker finds them.
+    theta [rad] and ln scale, nan where unknown; distance from the target's appearance, 0..1;
+    status; whether angle and size are followed; and corners (4, 2) [px], None if the tracker finds
+    none.
 
     `evaluations` is the number of histograms computed. A particle filter adds its particles (N, 5),
     x, y [px], theta [rad], scale and weight, and their effective sample size `ess`. `likely_scale`
-    is the scale that a control loop uses if it rejects that of `state`.
+    is the scale that a control loop uses if it rejects that of `state`, else None.
     """
 
     state: State
@@ -199,8 +199,7 @@ def unknown_covariance() -> Array:
 
 
 class Tracker(Protocol):
-    """A method that follows one target through the frames of a sequence: the protocol of all
-    trackers.
+    """Protocol of all trackers: a method that follows one target through the frames of a sequence.
 
     `start` is called once with the first frame, then `update` once for each further frame in order.
     A tracker keeps its state between calls and copies the pixels that it needs later (the caller
@@ -220,19 +219,20 @@ class Tracker(Protocol):
     """
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the target's appearance from the first frame.
+        """Learn the target's appearance from the first frame; called once, before `update`.
 
         Args:
             frame: The first frame.
             region: Size of the target's rectangle in that frame [px].
-            state: Position [px] and angle [rad] of the rectangle in that frame.
+            state: Centre [px], angle [rad] and scale of the rectangle in that frame.
 
         Raises:
             ValueError: The region or the picture is unusable.
         """
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the estimate of the target in the next frame.
+        """Return the estimate of the target in the next frame; called for each frame after the
+        first, in order.
 
         Args:
             frame: The next frame.
@@ -243,7 +243,9 @@ class Tracker(Protocol):
 
 
 class Trait(Enum):
-    """Property of a tracker, by which it is chosen and listed; the value describes it."""
+    """Property of a tracker by which users choose and list trackers, such as that it follows the
+    angle; each member's value is a sentence that describes it.
+    """
 
     COLOUR = "It recognises the target by its colours."
     TEXTURE = "It recognises the target by its texture."
@@ -260,22 +262,27 @@ SEES_PICTURES = frozenset({Channel.PICTURE, Channel.EGO_MOTION})
 
 @runtime_checkable
 class Describes(Protocol):
-    """Settings (a `Config`) that declare the traits of the tracker that they build."""
+    """Protocol of a tracker's settings (a `Config`) that declare the traits, such as "reports
+    corners", of the tracker that they build.
+    """
 
     @property
     def traits(self) -> Traits:
-        """Traits of the tracker that these settings build."""
+        """Properties (`Trait`) of the tracker that these settings build; an empty set: none."""
         ...
 
 
 def traits_of(config: object) -> Traits | None:
-    """Return the traits that a tracker's `Config` declares; None where it declares none."""
+    """Return the set of properties (`Trait`) that a tracker's settings, a `Config`, declare in
+    their attribute `traits`; None if they have no such attribute.
+    """
     return config.traits if isinstance(config, Describes) else None
 
 
 def follows_any_target(config: object) -> bool:
-    """Return True if the tracker of a `Config` needs no marker on its target, and no input besides
-    the camera's pictures and motion, such as the true pose.
+    """Return True if the tracker that a `Config` builds can be used on any target: it follows no
+    markers of its own, and takes no input but pictures and the camera's motion (not the true poses,
+    for instance). Settings that declare neither traits nor inputs give True.
     """
     marked = Trait.MARKER in (traits_of(config) or ())
     return not marked and needs_of(config, SEES_PICTURES) <= SEES_PICTURES
@@ -283,21 +290,22 @@ def follows_any_target(config: object) -> bool:
 
 @runtime_checkable
 class SeesOutline(Protocol):
-    """A tracker that can correct the first region, because its target is a known object such as a
-    tag.
+    """Protocol of a tracker that can correct the region which the user gave in the first picture,
+    because it knows the shape of its target, such as a tag. `outline` is called before `start`.
     """
 
     def outline(self, frame: Frame, region: Region, state: State) -> tuple[Region, State]:
-        """Return the region [px] of the target that is seen in the first frame, and its state.
+        """Return the region [px] of the target that is seen in the first frame, and its state
+        there.
 
         Args:
             frame: The first frame.
             region: Size of the target's rectangle that the user gave [px].
-            state: Position [px] and angle [rad] of this rectangle in the first frame.
+            state: Centre [px] and angle [rad] of this rectangle in the first frame.
 
         Returns:
-            The given region and state where no target is found, or where they fit the target that
-            is found up to noise.
+            Region and state of the target that was found. The given `region` and `state` where none
+            was found, or where they differ from it by no more than noise.
         """
         ...
 
@@ -311,10 +319,11 @@ FARTHEST = 1e6
 
 
 def check_picture(image: object) -> None:
-    """Check that an image is an RGB picture: compiled loops read it without checks of their own.
+    """Check that an image is an RGB picture, an array (H, W, 3) of uint8 with at least one pixel:
+    compiled loops read it without checks of their own.
 
     Raises:
-        ValueError: The image is not an array (H, W, 3) of uint8, or has no pixels.
+        ValueError: The image is not such an array.
     """
     if not isinstance(image, np.ndarray):
         raise ValueError(
@@ -329,13 +338,14 @@ def check_picture(image: object) -> None:
 
 
 def check_region(frame: Frame, region: Region, state: State) -> None:
-    """Check the arguments of `Tracker.start`: the picture, and the types and numbers of region and
-    state.
+    """Check the arguments of `Tracker.start`: the first picture, and the target's region and state
+    in it.
 
     Raises:
-        ValueError: The region is too small, or lies mostly outside the image; a number of region or
-            state is not finite, or out of range; `region` or `state` has the wrong type; the image
-            is not a picture, or is too large.
+        ValueError: `region` or `state` has the wrong type or a number that is not finite or out of
+            range (1e6 px or rad; a scale of exp(-5) to exp(5)); a side of the region at this state
+            is shorter than 4 px; less than half of its area is inside the image; or the image is no
+            RGB picture, or has more than 16384 px along a side.
     """
     given: list[tuple[object, type]] = [(region, Region), (state, State)]
     for value, kind in given:

@@ -1,5 +1,5 @@
-"""The verdict of a tracker's witnesses (colours, correlation filter and first picture): the
-confidence that the tracker is on its target, and the status that follows from it.
+"""The decision whether a tracker is on its target, from colours, a correlation filter and the first
+picture: the confidence, and the status that follows from it.
 """
 
 import math
@@ -48,8 +48,9 @@ AHEAD = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Signs:
-    """Measures of one place in one frame: the slow correlation filter's answer, up to about 1; the
-    correlation with the first picture of the target, -1..1; and the distance of the colours, 0..1.
+    """Measures of how much one place in one frame looks like the target: output of the slowly
+    learning correlation filter (`answer`, up to about 1); correlation with the target's first
+    picture (`first`, -1..1); and distance of the colours from the target's (`distance`, 0..1).
     """
 
     answer: float
@@ -61,7 +62,9 @@ class Signs:
 
 
 class Verdict:
-    """Confidence 0..1 and status of one target, from its `Signs` in frame after frame."""
+    """Decides frame by frame, from the measures `Signs` of the tracker's place, how confident it
+    is, 0..1, that the tracker is on its target, and the status LOCKED, UNSURE or LOST.
+    """
 
     def __init__(self) -> None:
         self._usual: Signs | None = None
@@ -75,14 +78,14 @@ class Verdict:
         """Status of the last frame."""
 
     def searches(self, time: float) -> bool:
-        """Return True if at a time [s] the target has not been LOCKED for 0.5 s: then it is to be
-        searched in the whole picture.
+        """Return True if at a time [s] the target has not been LOCKED for at least 0.5 s: then the
+        caller searches the whole picture for it.
         """
         return self._unseen_since is not None and time - self._unseen_since >= SEARCHED
 
     def logit(self, signs: Signs) -> float:
-        """Return the logit, -4..4, of the confidence that the target is at a place, by one frame
-        alone.
+        """Return the logit ln(p / (1 - p)), clipped to -4..4, of the confidence p that the target
+        is at the place with these signs, by one frame alone. Nothing is stored.
         """
         usual = self._usual or signs
         share = min(max(signs.answer / max(usual.answer, LEAST), 0.0), 1.0)
@@ -91,8 +94,13 @@ class Verdict:
         return min(max(logit + BY_DISTANCE * max(signs.distance, ALIKE), -MOST), MOST)
 
     def convinces(self, other: Signs, own: Signs) -> bool:
-        """Return True if another place shows the target so certainly that a tracker that does not
-        see it jumps there from its own place.
+        """Return True if a tracker that does not see its target should jump from its own place to
+        another one: there the confidence of this frame alone is above 0.75, and its logit is more
+        than 0.5 above that of the own place.
+
+        Args:
+            other: Signs at the other place.
+            own: Signs at the tracker's place.
         """
         least = max(math.log(REGAINED / (1 - REGAINED)), self.logit(own) + AHEAD)
         return self.logit(other) > least
@@ -101,10 +109,15 @@ class Verdict:
         """Set `status` and `trusted` for a frame, and return the confidence 0..1, smoothed over
         0.15 s.
 
+        The status is LOCKED from a confidence of 0.5 on (0.75 after a frame that was not LOCKED),
+        LOST below 0.1, else UNSURE. `trusted` is True if this frame alone gives a confidence above
+        0.5.
+
         Args:
             signs: Signs at the tracker's place.
             time: Time of the frame [s].
-            anew: Forget the frames before: the tracker has jumped to another place.
+            anew: Begin the smoothing again with this frame: the tracker has jumped to another
+                place.
         """
         logit = self.logit(signs)
         self.trusted = logit > 0

@@ -1,4 +1,4 @@
-"""A target's appearance: histograms over bins of colour and texture under kernels, stored views,
-and the distance of a state from them; and a second witness of the target, a correlation filter and
-templates of grey levels.
+"""A target's appearance: histograms of colour and texture at weighted points, small stored pictures
+of the target, and the distance of a state from them; also, for trackers with the setting `witness`,
+a correlation filter and templates of grey levels.
 """

@@ -1,4 +1,6 @@
-"""Bins of a histogram, and the bin numbers of the pixels in a window of the image."""
+"""Bins of a histogram of colours, and the bin numbers of the pixels in a window (rectangle) of an
+image.
+"""
 
 import math
 from dataclasses import dataclass
@@ -27,7 +29,8 @@ class Window:
 
     @staticmethod
     def around(states: Array, radius: float, image: Image, more: float = 0.0) -> "Window":
-        """Return a window of an image, cut to it, that holds the template in all of several states.
+        """Return a window that contains the template in all of several states, cut off at the
+        borders of an image; it is empty if all of them are outside.
 
         Args:
             states: States (N, 4): x, y [px], theta [rad], ln scale.
@@ -47,7 +50,7 @@ class Window:
         )
 
     def holds(self, other: "Window") -> bool:
-        """Return whether the window `other` lies inside this window."""
+        """Return True if the window `other` lies inside this window; equal windows do."""
         return (
             self.left <= other.left
             and self.top <= other.top
@@ -61,8 +64,8 @@ def _whole(at: int, most: int) -> int:
 
 
 class Bins(Protocol):
-    """Bins of a histogram, such as equal intervals of colour; each pixel of a picture belongs to
-    one bin or to none.
+    """Protocol of the bins of a histogram, such as equal intervals of colour; each pixel of a
+    picture belongs to one bin or to none.
     """
 
     @property
@@ -71,16 +74,20 @@ class Bins(Protocol):
         ...
 
     def label(self, image: Image, window: Window) -> Labels:
-        """Return the number of the histogram bin of each pixel in a window of h x w pixels, as
-        integers (h, w); a negative number: the pixel counts in no bin.
+        """Return the numbers of the histogram bins, 0 to `count` - 1, of the pixels in a window of
+        h x w pixels, as integers (h, w); a negative number for a pixel that belongs to no bin.
+
+        Args:
+            image: RGB (H, W, 3).
+            window: Columns and rows of the image.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class ColourBins:
-    """Bins of colour: each channel of RGB is divided into `levels` equal intervals, and a bin is
-    one interval of each.
+    """Histogram bins of colour: red, green and blue are each divided into `levels` equal intervals
+    of 0..255, and a bin is one combination of three intervals (`levels`^3 bins).
     """
 
     levels: int = 8
@@ -96,11 +103,11 @@ class ColourBins:
 
 
 class LabelledImage:
-    """One picture with the bin numbers of its pixels, computed in windows as they are needed, with
-    at least the radius `farthest` [px] at scale 1. `blurred` is the picture in which stored views
-    are searched (None: the picture itself).
+    """One picture with the histogram bin numbers of its pixels. They are computed when `around`
+    asks for a window of the picture, for at least `farthest` px (at scale 1) around the states.
 
-    The caller may reuse the picture's memory for the next picture, for which it makes a new object.
+    `blurred` is the picture in which stored small pictures of the target are searched, by default
+    the picture itself. Make one object for each picture.
     """
 
     def __init__(
@@ -122,9 +129,9 @@ class LabelledImage:
         self._last: tuple[Window, Labels] | None = None
 
     def around(self, states: Array, radius: float, more: float = 0.0) -> tuple[Labels, int, int]:
-        """Return the bin numbers (h, w) of the pixels in a window that holds the surroundings of
-        all states, and the column and row of the window's first pixel in the image. A window from
-        an earlier call is used again if it is large enough.
+        """Return the bin numbers (h, w) of the pixels in a window that contains the surroundings of
+        all states, and the window's first column and first row in the image [px]. A window from an
+        earlier call is used again if it is large enough.
 
         Args:
             states: States (N, 4): x, y [px], theta [rad], ln scale.
@@ -141,11 +148,11 @@ class LabelledImage:
 
 
 def as_seen(image: Image, *, even: bool) -> Image:
-    """Return a picture (H, W, 3) as it is or, with `even`, as if all were lit alike: each pixel
-    divided by its largest channel plus 8 grey levels, times 255.
+    """Return a picture, RGB (H, W, 3), as it is or, with `even`, with the brightness made even:
+    each pixel's channels times 255 over its largest channel plus 8 grey levels, rounded down.
 
     Raises:
-        ValueError: The array is not a picture.
+        ValueError: The array is not an RGB picture of uint8.
     """
     check_picture(image)
     return loops.evened(image, DARK) if even else image

@@ -35,13 +35,15 @@ Spectrum = NDArray[np.complex128]
 
 
 class CorrelationFilter:
-    """Two correlation filters of one target of the size `region` [px], a slow and a fast one, whose
-    answers are averaged. `learn` and `read` take the grey levels at the `points` of a window around
-    the target; `read` sets `answer`.
+    """Two correlation filters that find one target of the size `region` [px]: a slow one, which
+    remembers, and a fast one, which follows changes.
+
+    `learn` and `read` take the grey levels of a picture at `points` (P, 2), which lie in a window
+    around the target. `read` sets `answer` (rows, columns), the mean output of both filters.
     """
 
     def __init__(self, region: Region) -> None:
-        """Lay out the window of a target with a region [px]; `learn` must follow."""
+        """Lay out the window around a target with a region [px]; call `learn` before `read`."""
         margin = AROUND * (region.width + region.height) / 2
         sides = np.array([region.width, region.height]) + margin
         self.step = float(math.sqrt(sides[0] * sides[1] / CELLS))
@@ -66,8 +68,11 @@ class CorrelationFilter:
         self._filters: list[tuple[Spectrum, Array]] = []
 
     def read(self, levels: Array) -> None:
-        """Set `answer` and `slow_answer` (rows, columns) from the grey levels (P,) at the `points`
-        of a window; `learn` has to come first.
+        """Set `answer`, the mean output of both filters, and `slow_answer`, that of the slow one:
+        maps (rows, columns) over the window, up to about 1 where the target is. Call `learn` first.
+
+        Args:
+            levels: Grey levels (P,), 0..255, at the `points` of a window.
         """
         seen = self._spectrum(levels)
         answers: list[Array] = []
@@ -78,8 +83,12 @@ class CorrelationFilter:
         self.answer = np.mean(answers, axis=0)
 
     def learn(self, levels: Array) -> None:
-        """Learn the grey levels (P,) at the `points` of a window whose centre is the target's: the
-        first call sets both filters, and each later one moves them towards the new picture.
+        """Learn the target's picture: the first call sets both filters, each later one moves the
+        slow filter by a share of 0.02 and the fast one by 0.1 towards the new picture.
+
+        Args:
+            levels: Grey levels (P,), 0..255, at the `points` of a window around the target's
+                centre.
         """
         seen = self._spectrum(levels)
         above: Spectrum = np.conj(seen) * self._wanted
@@ -93,8 +102,8 @@ class CorrelationFilter:
 
     @property
     def peak(self) -> Array:
-        """Place x, y (2,) of the largest value of `answer`, from the centre of the window, along
-        the window's axes and at scale 1 [px].
+        """Place (2,) of the largest value of `answer`: x and y from the centre of the window, along
+        the window's axes, at scale 1 [px]; in whole cells, without interpolation.
         """
         rows, columns = self._shape
         row, column = np.unravel_index(int(np.argmax(self.answer)), self._shape)

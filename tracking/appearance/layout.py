@@ -1,9 +1,9 @@
-"""Points at which a template is read, grouped in parts (cells of a grid, or one ellipse) that each
-have a kernel and a histogram.
+"""Points at which a template is read, grouped in parts (cells of a grid, one ellipse or a ring)
+that each have a kernel and a histogram.
 
-A template is read at points that every state carries along, not at whole pixels, so that a
-histogram's normaliser is a constant, a state costs the same at every scale, and no point lies
-outside the object.
+A template is read at points that move with the state, not at whole pixels, so that a histogram's
+normaliser is a constant, a state costs the same at every scale, and no point lies outside the
+object.
 """
 
 from dataclasses import dataclass
@@ -51,7 +51,8 @@ class Layout:
     def of(
         points: Array, parts: NDArray[np.int64], kernel: Array, pulls: Array | None = None
     ) -> "Layout":
-        """Return a layout of points (P, 2) whose kernel values (P,) are normalised over each part.
+        """Return a layout of points (P, 2) whose kernel weights (P,) are scaled to the sum 1 in
+        each part (cell, ellipse or ring).
 
         Args:
             points: Template points (P, 2) from the target's centre, at scale 1 [px].
@@ -81,8 +82,12 @@ class Sampling:
     combine: Combine = "mean"
 
     def layout(self, region: Region, finer: int = 1) -> Layout:
-        """Return the points of a region's template, with `finer` times as many points along each
-        side as the settings give.
+        """Return the points at which the template of a region is read, with their parts and
+        weights.
+
+        Args:
+            region: The target's rectangle [px].
+            finer: Factor on `density`, the number of points along each side of a cell or ellipse.
         """
         density = finer * self.density
         if self.cells is None:
@@ -111,11 +116,12 @@ def grid(region: Region, per_side: int, density: int) -> Layout:
 
 def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout:
     """Return a layout of one part, the ellipse inscribed in the region. Its points have the weight
-    1 - r^2 ("epanechnikov") or 1 - r ("linear"), with r from 0 in the middle to 1 on the ellipse.
+    1 - r^2 ("epanechnikov") or 1 - r ("linear"), with r from 0 in the middle to 1 on the ellipse;
+    the layout scales the weights to the sum 1.
 
     The points lie on a lattice of density x density points over the region. Their weights in a
     mean-shift step are equal, or 1 / r for "linear": with equal ones, as in the KAMS paper, a step
-    does not climb the coefficient of the linear kernel.
+    does not climb the Bhattacharyya coefficient of the linear kernel.
     """
     at = (2 * np.arange(density) + 1) / density - 1
     u, v = np.meshgrid(at, at)
@@ -130,9 +136,10 @@ def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout
 
 
 def ring(region: Region, width: float, density: int) -> Layout:
-    """Return a layout of one part: the frame between the region and a rectangle (1 + width) times
-    as wide and as high. All points have the same weight; they lie on a lattice of density x density
-    points, at least 8 x 8, over this rectangle.
+    """Return a layout of one part: the points of a rectangle (1 + width) times as wide and high as
+    the region, around the same centre, that lie outside the region. The points have equal weights,
+    and are those of a lattice of density x density points, at least 8 x 8, over the larger
+    rectangle.
     """
     density = max(density, LEAST_RING)
     outer = 1.0 + width
@@ -147,7 +154,7 @@ def histograms(image: LabelledImage, layout: Layout, state: State) -> Array:
     """Return the histograms (K, B) of the K parts of a layout over B bins, each with the sum 1,
     where the target has the given state in an image.
 
-    Points off the image or in no bin are left out; a part without any other points has zeros.
+    Points outside the image or in no bin are left out; a part that has only such points gets zeros.
     """
     vector = state.vector
     window = image.around(vector[None], layout.radius)

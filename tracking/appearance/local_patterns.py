@@ -39,10 +39,10 @@ Grey = NDArray[np.float32]
 
 
 def riu2(bits: NDArray[np.bool_]) -> NDArray[np.int16]:
-    """Return the numbers of ones (...) of binary patterns (P, ...); -1 for patterns that are not
-    uniform.
+    """Return the numbers of ones (...) among the P bits of binary patterns (P, ...), as int16; -1
+    for patterns that are not uniform.
 
-    A pattern is uniform if it has at most two changes around its circle.
+    A pattern is uniform if it has at most two changes around its circle of P bits.
     """
     changes = np.sum(bits != np.roll(bits, 1, axis=0), axis=0)
     return np.where(changes <= 2, bits.sum(axis=0), -1).astype(np.int16)
@@ -51,14 +51,16 @@ def riu2(bits: NDArray[np.bool_]) -> NDArray[np.int16]:
 def ones_of(
     grey: Grey, threshold: float = THRESHOLD, neighbours: int = 8, radius: float = 1.0
 ) -> NDArray[np.int16]:
-    """Return the numbers of ones (h - 2m, w - 2m) of the local binary patterns of the inner pixels;
-    -1 for patterns that are not uniform.
+    """Return the numbers of ones (h - 2m, w - 2m) of the local binary patterns of the pixels that
+    are at least m from the border; -1 for patterns that are not uniform (more than two changes
+    around the circle). A bit is one where a neighbour is at least `threshold` brighter than the
+    pixel.
 
     Args:
         grey: A picture (h, w) [grey levels].
         threshold: Least difference of a brighter neighbour [grey levels].
-        neighbours: Points P on the circle, the first to the right, then clockwise.
-        radius: Radius of the circle [px]; the margin m is the next whole number.
+        neighbours: Points P on the circle around the pixel, the first to the right, then clockwise.
+        radius: Radius of the circle [px]; m is the radius rounded up.
     """
     least = _inner(grey, radius, 0, 0) + np.float32(threshold)
     turns = 2 * np.pi * np.arange(neighbours) / neighbours
@@ -131,8 +133,8 @@ class TextureBins:
 
     @property
     def textures(self) -> int:
-        """Number of texture bins: the uniform patterns with at least two ones and two zeros; five
-        for eight neighbours.
+        """Number of texture bins P - 3 for P = `neighbours`: the uniform patterns with at least two
+        ones and two zeros.
         """
         return self.neighbours + 1 - 2 * FEWEST
 
@@ -142,7 +144,9 @@ class TextureBins:
         return major + {"discard": 0, "bin": 1, "colour": self.levels**3}[self.rest]
 
     def label(self, image: Image, window: Window) -> Labels:
-        """Return the bin numbers (h, w) of the pixels in a window; -1 for a pixel in no bin."""
+        """Return the numbers of the joint bins of colour and texture, as integers (h, w), of the h
+        x w pixels in a window of an image, RGB (H, W, 3); -1 for a pixel in no bin.
+        """
         colours = ColourBins(self.levels).label(image, window)
         if colours.size == 0:
             return colours
@@ -185,9 +189,15 @@ class TextureSettings(AppearanceSettings):
     "discard" only, which would leave next to nothing."""
 
     def bins(self, image: Image, region: Region, state: State) -> Bins:
-        """Return the joint bins of colour and texture; or, for `rest` = "discard", bins of colour
-        alone if the share of textured pixels of the target in the first picture `image` is below
-        `least_texture`, because few pixels in so many bins make a new histogram in each picture.
+        """Return the joint histogram bins of colour and texture; or bins of colour alone if `rest`
+        is "discard", `levels` is above 1, and the share of textured pixels of the target in the
+        first picture is below `least_texture`: few pixels in so many bins make a new histogram in
+        each picture.
+
+        Args:
+            image: First picture, RGB (H, W, 3).
+            region: The target's rectangle [px].
+            state: State of the target in that picture.
         """
         joint = TextureBins(self.levels, self.neighbours, self.radius, self.rest)
         # The square in the middle: the corners of the region may show the ground.

@@ -131,16 +131,20 @@ class SampledModel:
         self._reference = Reference(labelled, region, state, fine, learns=settings.learn)
 
     def label(self, image: Image) -> LabelledImage:
-        """Return a picture (H, W, 3) with the bin numbers of its pixels, as the other methods take
-        it.
+        """Return a picture, RGB (H, W, 3), with the bin numbers of its pixels, as `distances`,
+        `energy`, `climb` and `learn` take it.
+
+        Raises:
+            ValueError: The array is not an RGB picture of uint8.
         """
         seen = as_seen(image, even=self._settings.even)
         blurred = seen if self._views is None else self._views.blurred(seen)
         return LabelledImage(seen, self._bins, self._reference.radius, blurred)
 
     def recognise(self, views: Views) -> None:
-        """Compare states with stored views from now on: `energy` then adds 0.3 (1 - c), where c,
-        -1..1, is the largest correlation of the picture at a state with a view.
+        """Compare states with stored views (small pictures of the target) from now on: `energy`
+        then adds 0.3 (1 - c), where c, -1..1, is the largest correlation of the picture at a state
+        with a view.
         """
         self._views = views
 
@@ -176,20 +180,20 @@ class SampledModel:
         self, image: LabelledImage, states: Array, *, most: int, tolerance: float, reach: float
     ) -> tuple[Array, Array, int]:
         """Move x and y of each state to a local maximum of the similarity to the reference
-        histogram (Bhattacharyya coefficient) by mean shift; angle and scale stay. The template has
-        one part.
+        histogram (Bhattacharyya coefficient) by mean shift; angle and scale stay. The template must
+        have one part (no cells).
 
         Args:
             image: The picture.
             states: First states (N, 4): x, y [px], theta [rad], ln scale.
             most: Largest number of histograms that are computed for a state.
-            tolerance: A mean-shift step shorter than this ends a search [px].
+            tolerance: A mean-shift step that is not longer than this ends a search [px].
             reach: Distance around the template at the first states up to which pixels are read
                 [px].
 
         Returns:
-            The states (N, 4) at the modes, their distances d_m (N,), and the number of histograms
-            read.
+            The states (N, 4) at the maxima, their distances (N,) from the reference, 0..1, and the
+            number of histograms computed for all states together.
         """
         window = self._window(image, states, reach)
         at = (self._layout.points, self._layout.weights, self._layout.pulls)

@@ -4,7 +4,7 @@ Learning is beyond the papers. It weighs each bin of the reference by the share 
 target and surroundings, q_u / (q_u + b_u): what the background also shows counts less (the ratio of
 Vojir, Noskova, Matas 2013, not the neutral weights of Comaniciu, which cancel from the mean-shift
 step). It also lets the reference follow the target's appearance, but only in pictures where it was
-found, and never farther than `ANCHOR` from its first appearance (Nummiaro, Koller-Meier, Van Gool
+found, and its first appearance always keeps a weight of 0.7 (Nummiaro, Koller-Meier, Van Gool
 2003).
 """
 
@@ -34,7 +34,8 @@ RARE = 1e-4
 class Reference:
     """Reference histograms of the target, each with the sum 1, as their square roots: `root_parts`
     (K, B) for the K parts of the template and B bins, and `root_whole` (1, B) for the whole target.
-    With `learns` bins are weighed by the surroundings, and later pictures are learnt, too.
+    With `learns`, a bin counts less the more the surroundings show it, and `learn` updates the
+    histograms.
     """
 
     root_parts: Array
@@ -64,12 +65,16 @@ class Reference:
 
     @property
     def radius(self) -> float:
-        """Distance from the target's centre up to which pixels are read, at scale 1 [px]."""
+        """Distance from the target's centre, at scale 1 [px], up to which the reference histograms
+        need pixels.
+        """
         return self._around.radius if self._learns else self._layout.radius
 
     def learn(self, image: LabelledImage, state: State) -> None:
-        """If `learns` was set, update the histograms of target and background from a picture in
-        which the target was found at a state.
+        """Update the reference histograms from a picture in which the target was found at `state`:
+        its later appearance, which has a weight of 0.3 beside the first one, moves towards the
+        picture by a share of 0.05, the surroundings' histogram by 0.1. Do nothing if `learns` of
+        the constructor was False.
         """
         if self._learns:
             self._now = _blend(self._now, histograms(image, self._layout, state), TARGET_RATE)

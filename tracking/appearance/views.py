@@ -1,6 +1,8 @@
-"""Views of the target: small pictures of it, which recognise it by normalised correlation.
+"""Views of the target: pictures of 8 x 8 points, by which it is recognised by normalised
+correlation.
 
-They are the first one and some later ones that are trusted (Kalal, Mikolajczyk, Matas 2012).
+Stored are the view in the first picture and some later ones in which the target was certain (Kalal,
+Mikolajczyk, Matas 2012).
 """
 
 import math
@@ -27,9 +29,9 @@ APART = SIDE // 2
 
 
 class Views:
-    """Stored views of the target, at most `count`, which are pictures of 8 x 8 points: the one in
-    the first picture, where the target is `region` [px] at `state`, and the newest ones that were
-    learnt.
+    """Stored views (pictures of 8 x 8 points) of the target, at most `count`: the first, from the
+    first picture, in which the target is the rectangle `region` [px] at `state`, and the newest
+    ones that `learn` stored.
     """
 
     def __init__(self, image: Image, region: Region, state: State, count: int) -> None:
@@ -48,9 +50,9 @@ class Views:
         self._stored = self._view(self.blurred(image), state)
 
     def blurred(self, image: Image) -> Image:
-        """Return a picture (H, W, 3) blurred for the comparison with views: each pixel is the mean
-        over the area between two points of a view, at the size that the target had when it was
-        learnt last.
+        """Return a picture (H, W, 3) blurred for the comparison with views (pictures of 8 x 8
+        points of the target): each pixel is the mean over an area of 1/8 of the target's width by
+        1/8 of its height, at the size that the target had when `learn` was called last.
         """
         sides = (self._region.width, self._region.height)
         width, height = (
@@ -60,18 +62,26 @@ class Views:
         return np.asarray(cv2.blur(image, (width, height)), np.uint8)
 
     def likeness(self, blurred: Image, states: Array) -> Array:
-        """Return, for each of the states (N, 4), x, y [px], theta [rad], ln scale, the largest
-        correlation (N,), -1..1, of the blurred picture there with a stored view.
+        """Return the largest correlation (N,), -1..1, of the picture at each of N states with a
+        stored view (picture of 8 x 8 points of the target).
+
+        Args:
+            blurred: The picture, RGB (H, W, 3), as the method `blurred` returns it.
+            states: States (N, 4): x, y [px], theta [rad], ln scale.
         """
         return loops.correlations(blurred, states, self._points, self._stored)
 
     def learn(self, blurred: Image, state: State) -> None:
-        """Store the picture of the target at a state, where it certainly is, as a view, unless its
-        correlation with a stored view is above 0.9.
+        """Store the picture of 8 x 8 points of the target at a state, where it certainly is, as a
+        view, unless its correlation with a stored view is above 0.9.
 
         When there are `count` views already, the new one replaces the oldest but the first; with
-        `count` = 1 nothing is stored. In any case `blurred` uses the size at this state from now
-        on.
+        `count` = 1 only the first view is kept. In any case the method `blurred` uses the size at
+        this state from now on.
+
+        Args:
+            blurred: The picture, RGB (H, W, 3), as the method `blurred` returns it.
+            state: State of the target in the picture.
         """
         self._scale = state.scale
         if self._count > 1 and float(self.likeness(blurred, state.vector[None])[0]) <= NEW:
@@ -79,17 +89,18 @@ class Views:
             self._stored = np.vstack([self._stored[:1], newest, self._view(blurred, state)])
 
     def search(self, blurred: Image, last: State, most: int) -> Array:
-        """Return states (n, 4) anywhere in a picture that resemble a view most, the best first.
+        """Return the states (n, 4) anywhere in a picture that are most similar to a stored view
+        (picture of 8 x 8 points of the target), the most similar first.
 
         Args:
-            blurred: The picture, blurred (H, W, 3).
-            last: The last state: its angle is kept, and sizes of 0.8, 1 and 1.25 times its size are
+            blurred: The picture, RGB (H, W, 3), as the method `blurred` returns it.
+            last: The target's last state: its angle is kept, and 0.8, 1 and 1.25 times its size are
                 searched.
-            most: Largest number of states.
+            most: Largest number n of states.
 
         Returns:
-            States of x, y [px], theta [rad], ln scale; n = 0 for a picture too large to search, or
-            smaller than a view.
+            States of x, y [px], theta [rad], ln scale; n = 0 if the picture is larger than 1024
+            points of a view along a side, or smaller than a view.
         """
         found: list[tuple[float, list[float]]] = []
         for scale in (last.scale * size for size in SIZES):

@@ -45,9 +45,11 @@ LARGEST = 800
 
 
 class Witness:
-    """The correlation filter and the templates of one target, and the picture that they see.
+    """A correlation filter and two templates (grey pictures) of one target, which judge states by
+    the layout of its grey levels.
 
-    In each picture `look` comes first; all other methods but `places` are then about that picture.
+    For each picture call `look` first; `energy`, `signs`, `learn`, `fare` and `peak` then refer to
+    that picture. `places` takes a picture of its own.
     """
 
     def __init__(self, image: Image, region: Region, state: State) -> None:
@@ -72,17 +74,18 @@ class Witness:
         self._filter.learn(self._levels(state, self._filter.points))
 
     def look(self, image: Image, state: State) -> None:
-        """Store the grey levels of a picture, RGB (H, W, 3), around a state at which the target is
-        expected, and compute the filter's answers there.
+        """Store the grey levels of a picture, RGB (H, W, 3), around the state at which the target
+        is expected, and compute the output of the correlation filter there.
         """
         self._see(image, state)
         self._expected = state
         self._filter.read(self._levels(state, self._filter.points))
 
     def energy(self, states: Array) -> Array:
-        """Return the energy (N,), from 0 to about 1.5, of states (N, 4): x, y [px], theta [rad], ln
-        scale. By the filter and the templates, it is the lower, the more the picture at a state is
-        like the target. It is to be added to the energy of the colours.
+        """Return the energy (N,), from 0 (like the target) to about 1.5, of states (N, 4), x, y
+        [px], theta [rad], ln scale, in the picture that `look` stored, by the filter's output and
+        the larger correlation with a template. A particle filter adds it to the energy of the
+        colours.
         """
         answers = np.clip(self._answers(self._filter.answer, states), LEAST, MOST)
         alike = self._correlations(states).max(axis=1)
@@ -90,16 +93,17 @@ class Witness:
         return weight * (1 - answers / MOST) + BY_TEMPLATE * (1 - alike)
 
     def signs(self, state: State) -> tuple[float, float]:
-        """Return two measures of whether a state shows the target: the slow filter's answer, up to
-        about 1, and the correlation with the first template, -1..1.
+        """Return two measures of whether the target is at a state in the picture that `look`
+        stored: the output of the slowly learning filter, up to about 1 and -0.05 outside its
+        window, and the correlation with the template from the first picture, -1..1.
         """
         at = state.vector[None]
         answer = self._answers(self._filter.slow_answer, at)
         return float(answer[0]), float(self._correlations(at)[0, 0])
 
     def learn(self, state: State) -> None:
-        """Update the filter and the later template from the picture, in which the target is at a
-        state; the first template stays.
+        """Update the filter and the later of the two templates from the picture that `look` stored,
+        in which the target is at `state`; the template from the first picture stays.
         """
         self._filter.learn(self._levels(state, self._filter.points))
         later = self._templates[1]
@@ -107,28 +111,32 @@ class Witness:
         later /= max(float(np.linalg.norm(later)), loops.LEAST)
 
     def fare(self, state: State) -> None:
-        """Update the mean answer of the filter at the target, by which `energy` weighs the filter,
-        with its answer at the state that colours and witness together found in the picture.
+        """Update the running mean of the filter's output at the target, which decides how much
+        weight `energy` gives the filter, with the output at `state`, the final estimate in the
+        picture that `look` stored.
         """
         answer = float(self._answers(self._filter.answer, state.vector[None])[0])
         self._fared += FARED * (answer - self._fared)
 
     def peak(self) -> State:
-        """Return the state where the filter's answer is largest, near the expected one and with the
-        expected angle and size.
+        """Return the state at the largest output of the filter in the picture that `look` stored:
+        it has the angle and the size of the state that `look` was given, and lies in the window
+        around it.
         """
         c, s = math.cos(self._expected.theta), math.sin(self._expected.theta)
         x, y = self._expected.scale * np.array([[c, -s], [s, c]]) @ self._filter.peak
         return self._expected.moved(np.array([x, y, 0.0, 0.0]))
 
     def places(self, image: Image, last: State) -> list[State]:
-        """Return up to `PLACES` (5) states anywhere in a picture whose correlation with a template
-        is largest, and at least 0.3, the best first; none in a picture that is too large to search,
-        or smaller than the target.
+        """Return up to five states anywhere in a picture at which the correlation with a template
+        of the target is largest, and at least 0.3, the best first. The list is empty for a picture
+        that is too large to search (more than 800 template points along a side), or smaller than
+        the target.
 
         Args:
             image: The picture, RGB (H, W, 3).
-            last: Last state of the target, whose angle and size these states have.
+            last: Last state of the target, whose angle and size the results have. The search itself
+                does not turn the template.
         """
         height, width = image.shape[:2]
         rows, columns = self._shape

@@ -1,4 +1,6 @@
-"""Film of a track: each picture with the estimated and the true outline, and a chart below it."""
+"""Film of a tracker's estimates: each picture with the estimated and the true outline, and a chart
+below it.
+"""
 
 from functools import partial
 from pathlib import Path
@@ -19,10 +21,11 @@ LARGEST = (1888, 1000)
 
 
 class AnnotatedVideo:
-    """Writer of the film of a track: its pictures with estimated and true outlines, and a chart of
-    the confidence. The size of the first picture decides that of the film. `to` is its MP4 file or
-    a receiver of its frames, `rate` the approximate rate of the pictures [1/s], `region` the size
-    of the target in the first picture [px], and `end` the time of the last one [s] (None: unknown).
+    """Writer of a film of a tracker's estimates: pictures with estimated and true outlines, and a
+    chart of the confidence. The size of the first picture decides that of the film. `to` is its MP4
+    file or a receiver of its frames, `rate` the approximate rate of the pictures [1/s], `region`
+    the size of the target in the first picture [px], and `end` the time of the last picture [s],
+    None if unknown.
     """
 
     def __init__(
@@ -49,10 +52,10 @@ class AnnotatedVideo:
 
     def add(self, shot: Shot, truth: Array | None) -> None:
         """Write a frame of the film: a picture with the estimated and the true outline, and the
-        chart up to now.
+        chart of the confidence up to the picture's time.
 
         Args:
-            shot: The picture and the estimate.
+            shot: The picture and the tracker's estimate for it.
             truth: True corners (4, 2) [px] in that picture; None: unknown.
 
         Raises:
@@ -72,7 +75,9 @@ class AnnotatedVideo:
             self._film.close()
 
     def abandon(self) -> None:
-        """Close the file after an error; the film can be played up to its last frames."""
+        """Close the film's file after an error; it can be played up to its last frames. Do nothing
+        if no picture was written.
+        """
         if self._film:
             self._film.abandon()
 

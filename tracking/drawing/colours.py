@@ -1,4 +1,6 @@
-"""Colours of truth, goal, particles, status and curves, the same in all drawings."""
+"""Colours of true outlines, the goal's outline, particles, status and curves, the same in all
+drawings.
+"""
 
 from tracking.types import Status
 

@@ -1,5 +1,5 @@
-"""Contact sheets: one image with pictures of a sequence in rows, true and estimated outlines in
-them.
+"""Contact sheets: one image with pictures of a sequence in rows, in which true and estimated
+outlines are drawn.
 """
 
 from collections.abc import Sequence
@@ -32,14 +32,14 @@ def outline(
     *,
     closed: bool = True,
 ) -> None:
-    """Draw a polygon or an open line with a black border into an image, unless a point is nan.
+    """Draw a polygon or an open line with a black border into an image; nothing if a point is nan.
 
     Args:
         image: RGB (H, W, 3), which is changed.
         corners: Points (n, 2) in pixels of the picture before it was resized.
         colour: Colour of the line (RGB).
         factor: Factor by which the picture was resized to the image.
-        width: Width of the line [px].
+        width: Width of the line without its border [px].
         closed: Join the last point to the first.
     """
     if not np.isfinite(corners).all():
@@ -72,7 +72,7 @@ def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) ->
 
 def page(tiles: Sequence[Image]) -> Image:
     """Return one image, RGB (H, W, 3), with small pictures (h, 240, 3), at least one, in rows of
-    four.
+    four on a dark ground.
     """
     height = max(t.shape[0] for t in tiles)
     columns = min(COLUMNS, len(tiles))

@@ -50,7 +50,9 @@ def panels(
 
 
 def plain_logarithm(axis: Axis) -> None:
-    """Label a logarithmic axis at 1, 2, 5 times powers of ten, by numbers such as 0.5."""
+    """Label a logarithmic axis of Matplotlib at 1, 2 and 5 times powers of ten, by plain numbers
+    such as 0.5; the axis is changed.
+    """
     axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
     axis.set_minor_locator(ticker.NullLocator())

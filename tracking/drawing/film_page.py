@@ -97,22 +97,25 @@ def panel(
 
 
 class FrameReceiver(Protocol):
-    """Receiver of the frames of a film, in place of a file, such as a live page."""
+    """Protocol of a receiver of the frames of a film, such as a live page, which takes the place of
+    a file: `add` is called for each frame, then `close` or `abandon` once.
+    """
 
     def add(self, image: Image, time: float, /) -> None:
-        """Receive a frame, RGB (height, width, 3), that is shown from a time [s] on."""
+        """Receive a frame, RGB (height, width, 3), that is shown from `time` [s] on."""
 
     def close(self) -> None:
-        """Handle the end of the film."""
+        """Handle the end of the film after its last frame."""
 
     def abandon(self) -> None:
         """Handle the end of the film after an error."""
 
 
 class FilmPage:
-    """Writer of a film with a title, a panel of the `size` (width, height) [px] for each caption,
-    beside each other, and a chart below them. `to` is its MP4 file or a receiver of its frames,
-    `rate` the approximate rate of the frames [1/s].
+    """Writer of a film whose frames have a title, a picture area (panel) of the `size` (width,
+    height) [px] below each of the captions, beside each other, and a chart over time below them.
+    `to` is its MP4 file or a receiver of its frames, `rate` the approximate rate of the frames
+    [1/s].
     """
 
     def __init__(
@@ -187,14 +190,15 @@ class FilmPage:
         statuses: Sequence[str],
         note: str,
     ) -> None:
-        """Write a frame of the film: panels, chart up to now, time and note.
+        """Write a frame of the film: pictures, chart up to now, time and note.
 
         Args:
             time: Time of the frame [s], later than that of the last one.
-            panels: For each caption an image (height, width, 3) of the panels' size.
+            panels: For each caption an image (height, width, 3) of the size that the constructor
+                got.
             values: A value for each curve of the chart.
-            statuses: Names of a `Status`, such as "LOCKED": one for the film, or one for each
-                panel.
+            statuses: Names of a `Status`, such as "LOCKED", or "" for none: one for the film, or
+                one for each panel.
             note: Text before the time, such as "frame 12".
 
         Raises:

@@ -46,7 +46,9 @@ class Chart:
 
 
 class RunningChart:
-    """Draws a chart frame by frame, and extends its axes when a time or value exceeds their end."""
+    """Draws curves and coloured bands of a film over time, frame by frame, into Matplotlib's
+    `axes`, and extends their ranges when a time or value exceeds them.
+    """
 
     def __init__(self, axes: Axes, chart: Chart) -> None:
         """Set up empty axes with the settings of a chart."""
@@ -89,7 +91,8 @@ class RunningChart:
         Args:
             time: Time of the frame [s], later than that of the last one.
             values: A value for each curve; nan leaves a gap.
-            statuses: Name of a `Status`, such as "LOCKED", for each band, from top to bottom.
+            statuses: Name of a `Status`, such as "LOCKED", or "" for none, for each band, from top
+                to bottom.
 
         Returns:
             True if the axes have grown, so that the whole figure must be drawn again.

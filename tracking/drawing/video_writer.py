@@ -75,10 +75,12 @@ class VideoWriter:
         """Size of the file's head, and of the file up to its last whole fragment [bytes]."""
 
     def add(self, image: Image, time: float) -> None:
-        """Write a frame, RGB (height, width, 3), that is shown from a time [s] until the next one.
+        """Write a frame, RGB (height, width, 3), that is shown from `time` [s] until that of the
+        next one.
 
         Raises:
-            OSError: The file cannot be written; it is closed with its whole fragments.
+            OSError: The file cannot be written; it is closed, and keeps the frames that it has
+                whole.
         """
         ticks = max(round(TICKS * time), self._last + 1)
         frame = av.VideoFrame.from_ndarray(image, format="rgb24").reformat(
@@ -94,10 +96,11 @@ class VideoWriter:
         self._head = self._head or self._whole
 
     def close(self) -> None:
-        """Finish the file; a file without frames is removed.
+        """Finish the file; a file without frames is removed. A second call does nothing.
 
         Raises:
-            OSError: The file cannot be written; it is closed with its whole fragments.
+            OSError: The file cannot be written; it is closed, and keeps the frames that it has
+                whole.
         """
         if self._last < 0:
             self.abandon()
@@ -109,7 +112,9 @@ class VideoWriter:
         self._file.close()
 
     def abandon(self) -> None:
-        """Close the file after an error with its whole fragments; remove it if it has none."""
+        """Close the file after an error; it keeps the frames that it has whole, and is removed if
+        it has none.
+        """
         if self._file.closed:
             return
         # FFmpeg still writes an end; PyAV 15 crashes where it cannot, some time later.

@@ -1,3 +1,3 @@
-"""Tracks (a tracker's estimates for all pictures of a source), their CSV files and their measures
-against truth, and the warm-up of trackers.
+"""Tracks (a tracker's estimates for all pictures of a source), their CSV files, their measures
+against the target's true outlines, and the warm-up of trackers.
 """

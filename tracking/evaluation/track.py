@@ -14,8 +14,9 @@ from tracking.types import Estimate, Region, State, Status, Tracker, unknown_cov
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A picture of a source and its number, the tracker's estimate for it, the time that the
-    tracker took [s], and the picture's width and height [px], None if it could not be read.
+    """Result of a tracker for one picture of a source: the picture and its number, from 0 on; the
+    estimate; the time that the tracker took [s], 0 if the picture could not be read; and the
+    picture's width and height [px], None if it could not be read.
     """
 
     picture: Picture
@@ -38,7 +39,9 @@ class Shot:
         return 1.0 - self.estimate.distance
 
     def without_picture(self) -> "Shot":
-        """Return a copy without image and particles, to save memory."""
+        """Return a copy in which the image and the particles are None, to save memory; its `size`
+        stays.
+        """
         picture = dataclasses.replace(self.picture, image=None)
         estimate = dataclasses.replace(self.estimate, particles=None)
         return dataclasses.replace(self, picture=picture, estimate=estimate)
@@ -47,7 +50,8 @@ class Shot:
 def follow(
     tracker: Tracker, source: Iterable[Picture], region: Region, state: State
 ) -> Iterator[Shot]:
-    """Start a tracker on the first picture, and yield its estimate for each picture of a source.
+    """Start a tracker on the first picture, and yield a `Shot` (estimate and computing time) for
+    each picture of a source.
 
     The estimate for the first picture is `state`, LOCKED. For a picture that cannot be decoded the
     tracker is not called: the estimate is LOST, with the last state.
@@ -89,7 +93,7 @@ def follow(
 class Track:
     """A tracker's estimates for n pictures of a source: states x, y [px], theta [rad], scale (n,
     4); corners of the outlines (n, 4, 2) [px], in the order of `Region.corners`; confidence (n,),
-    0..1; computing times (n,) [ms]; and numbers of computed histograms (n,).
+    0..1; computing times (n,) [ms]; and numbers of computed histograms (n,), nan if unknown.
     """
 
     states: Array
@@ -105,8 +109,11 @@ class Track:
 
     @staticmethod
     def of(shots: list[Shot], region: Region) -> "Track":
-        """Return the track of pictures, at least one, with their estimates; `region` is the size of
-        the target in the first picture [px].
+        """Return the track from a tracker's results for the pictures of a source.
+
+        Args:
+            shots: The results in order, at least one.
+            region: Size of the target in the first picture [px].
         """
         found = [shot.estimate for shot in shots]
         return Track(

@@ -1,4 +1,6 @@
-"""Writing and reading of tracks as CSV files with a row for each picture."""
+"""Writing and reading of tracks (a tracker's estimates for all pictures of a source) as CSV files
+with a row for each picture.
+"""
 
 import csv
 import io
@@ -46,12 +48,16 @@ LARGEST = 1_000_000_000
 
 
 class TrackFile:
-    """Writer of a track's CSV file; each row is in the file before the next picture is read.
-    `region` is the size of the target in the first picture [px].
+    """Writer of a CSV file with a tracker's estimates, a row for each picture; each row is in the
+    file when `add` returns. `region` is the size of the target in the first picture [px].
     """
 
     def __init__(self, path: Path, region: Region) -> None:
-        """Open a new file and write its header; `region` is the size of the target [px].
+        """Open a new file, in place of an older one, and write its header.
+
+        Args:
+            path: The file.
+            region: Size of the target in the first picture [px].
 
         Raises:
             OSError: The file cannot be written.
@@ -65,7 +71,7 @@ class TrackFile:
         self._writer.writerow(HEADER)
 
     def add(self, shot: Shot) -> None:
-        """Write the row of a picture with its estimate.
+        """Write the row of a picture with the tracker's estimate for it.
 
         Raises:
             OSError: The file cannot be written.
@@ -95,7 +101,7 @@ class TrackFile:
             self._file.flush()
 
     def close(self) -> None:
-        """Write the last rows to the disk, and close the CSV file.
+        """Close the CSV file; `add` must not be called any more.
 
         Raises:
             OSError: The last rows cannot be written.
@@ -105,7 +111,7 @@ class TrackFile:
 
 
 def stamp_text(stamp: int | None) -> str:
-    """Return a stamp [ns] as text in seconds with all its digits; an empty text for None.
+    """Return a time stamp [ns] as text in seconds with nine decimals; an empty text for None.
 
     >>> stamp_text(1_700_000_000_250_000_001)
     '1700000000.250000001'
@@ -114,7 +120,8 @@ def stamp_text(stamp: int | None) -> str:
 
 
 def read(path: Path) -> Track:
-    """Return the track in a CSV file; its `evaluations` are nan, because the file has none.
+    """Return the track (a tracker's estimates) in a CSV file that `TrackFile` wrote; its
+    `evaluations` are nan, because the file has none.
 
     Raises:
         ValueError: The file cannot be read, or is not a track of this format.

@@ -1,4 +1,6 @@
-"""Measures of a track against the true outlines, each with its name, unit and better direction."""
+"""Measures of a track (a tracker's estimates for a sequence of pictures) against the target's true
+outlines, each with its name, unit and better direction.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,7 +36,7 @@ MOST = 0.9
 
 
 class Better(Enum):
-    """Direction in which a measure is better: higher or lower values."""
+    """Direction in which the values of a measure are better: higher or lower."""
 
     HIGHER = "higher"
     LOWER = "lower"
@@ -68,7 +70,8 @@ class Comparison:
 
     @staticmethod
     def of(track: Track, truth: Array, states: Array | None = None) -> "Comparison":
-        """Compare a track with the truth of its pictures, up to the length of the shorter one.
+        """Compare a track with the target's true outlines in its pictures, up to the length of the
+        shorter of both.
 
         Args:
             track: Estimates of a tracker.
@@ -127,8 +130,8 @@ class TrackMeasure:
 
 
 def seen_in(corners: Array) -> NDArray[np.bool_]:
-    """Return a mask (n,) that is True in frames with a target, by its true corners (n, 4, 2): those
-    of an absent target are nan.
+    """Return a mask (n,) that is True in frames with the target, by its true corners (n, 4, 2)
+    [px]: those of an absent target are nan.
     """
     return np.asarray(np.isfinite(corners).all(axis=(1, 2)))
 
@@ -157,9 +160,9 @@ def turned_overlaps(a: Array, b: Array) -> Array:
 
 
 def frames_until_loss(c: Comparison) -> float:
-    """Return the number of frames with the target before its loss: the first of five in a row whose
-    centre error exceeds the target's size (square root of its box's area); the number of all, if
-    there is no loss.
+    """Return the number of frames with the target before it is lost. It is lost at the first of
+    five frames in a row in which the centre error exceeds the target's size (square root of its
+    box's area). If it is never lost, return the number of all frames with the target.
     """
     away = c.errors > np.sqrt(np.prod(c.sizes, axis=1))
     runs = np.convolve(away, np.ones(LOSS_RUN), mode="valid") == LOSS_RUN
@@ -196,8 +199,9 @@ def expected_overlap(c: Comparison) -> float:
 
 def late_success(c: Comparison, late: int) -> float:
     """Return the area under the success curve (AUC), 0 to 1, of a tracker whose estimates come
-    `late` frames late: frame i is compared with the estimate for frame i - late, the first `late`
-    frames with that for the first frame (Li, Wang, Ramanan, Towards streaming perception, 2020).
+    `late` frames late: the outline in frame i is compared with the estimate for frame i - late, in
+    the first `late` frames with that for the first frame (Li, Wang, Ramanan, Towards streaming
+    perception, 2020).
     """
     return _success_of(c, np.maximum(np.arange(len(c.present)) - late, 0))
 

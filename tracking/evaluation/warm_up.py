@@ -18,8 +18,8 @@ BLUR = (9, 9)
 
 
 def warm_up(config: PartConfig[Tracker]) -> list[Shot]:
-    """Run a new tracker on pictures of noise, in which its target moves by a pixel and is lost, so
-    that its compiled loops and network files are loaded.
+    """Run a new tracker on four pictures of noise, in which its target moves by a pixel and is
+    lost, so that its compiled loops and network files are loaded.
 
     Of a tracker in another process the compiled loops are then on the disk. An error of the tracker
     is ignored here: the tracker raises it again on the user's pictures.
@@ -28,7 +28,7 @@ def warm_up(config: PartConfig[Tracker]) -> list[Shot]:
         config: Settings of the tracker.
 
     Returns:
-        The tracker's estimates up to its first error.
+        The tracker's results for these pictures up to its first error.
     """
     shots = list[Shot]()
     pictures = [Picture("noise", 0.0, image) for image in _images()]

@@ -39,8 +39,8 @@ def run_program(
 
     Args:
         kind: Kind of the tracker; see `tracking.create`.
-        preset: "paper" for the settings in the paper that describes the tracker; None for the best
-            settings known.
+        preset: Name of one of the kind's presets, such as "paper" for the settings of the
+            tracker's paper; None for the defaults, the best settings known.
         requests: Stream of the client's lines and pictures; None: standard input.
         answers: Stream of the answers (lines of JSON); None: standard output. What a tracker prints
             goes to standard error.

@@ -1,5 +1,5 @@
-"""Trackers, ours or of other authors, in the form in which a server shows them to a client: a
-report for each picture.
+"""Trackers, ours or of other authors, as a server offers them to a client: a report for each
+picture.
 """
 
 from typing import final
@@ -15,9 +15,9 @@ from tracking.types import Region, State, Status, Tracker
 
 @final
 class Served:
-    """A tracker of ours or of another author, as a server shows it to a client: each picture gives
-    a report of where the tracker finds its target. Reports of another author's tracker pass
-    unchanged. `seed` is that of the tracker's random numbers.
+    """A tracker, ours or of another author, that returns a report for each picture: whether it sees
+    the target, and where. A server sends these reports to its client. `seed` is that of the
+    tracker's random numbers.
     """
 
     def __init__(self, config: PartConfig[Tracker], seed: int) -> None:
@@ -28,7 +28,7 @@ class Served:
             seed: Seed of its random numbers.
 
         Raises:
-            ValueError: A guest cannot be loaded or started.
+            ValueError: A tracker of another author cannot be loaded or started.
         """
         self._guest = config.guest(seed) if isinstance(config, GuestSettings) else None
         self._tracker = None if self._guest else config.build(np.random.default_rng(seed))
@@ -51,9 +51,11 @@ class Served:
             self._guest.start(frame, region, state)
 
     def update(self, frame: Frame) -> Report:
-        """Return a report of where the tracker finds its target in the next picture; `outline` then
-        holds the target's corners (4, 2) [px] there or, for another author's tracker that does not
-        see it, those of the last picture with it.
+        """Return a report of where the tracker finds its target in the next picture [px]; of our
+        trackers, a target that is not LOCKED counts as not seen.
+
+        The attribute `outline` then holds the target's corners (4, 2) [px]; of another author's
+        tracker that does not see the target, those of the last picture in which it did.
         """
         report = self._report(frame)
         if self._guest is not None and report.seen:

@@ -25,8 +25,8 @@ Rect = tuple[float, float, float, float]
 
 
 class Follower:
-    """Runs one of our trackers, with a seed of its random draws, on pictures that have no times:
-    they are assumed to come at a fixed rate [1/s].
+    """Runs one of our trackers on pictures that have no times: they are assumed to come at a fixed
+    `rate` [1/s]. `config` has the tracker's settings, `seed` is that of its random draws.
     """
 
     def __init__(self, config: PartConfig[Tracker], seed: int, rate: float) -> None:
@@ -60,7 +60,7 @@ class Follower:
 
     def update(self, image: Image) -> tuple[Estimate, Rect]:
         """Return the estimate for the next picture, RGB (H, W, 3), and the upright box (left, top,
-        width, height) [px] around its outline.
+        width, height) [px] around the estimated corners, also where the target is not seen.
         """
         found = self._tracker.update(self._frame(image))
         left, top, width, height = boxes(found.outline(self.region)[None])[0].tolist()
@@ -102,8 +102,8 @@ class OpenCVTracker:
             kind: Kind of the tracker, such as "mk_ssd".
             seed: Seed of the tracker's random draws.
             rate: Rate of the pictures [1/s].
-            preset: "paper" for the settings in the paper that describes the tracker; None for the
-                best settings known.
+            preset: Name of one of the kind's presets, such as "paper" for the settings of the
+                tracker's paper; None for the defaults, the best settings known.
             **settings: Settings of the tracker.
 
         Raises:
@@ -157,8 +157,8 @@ class Got10kTracker:
             kind: Kind of the tracker, such as "mk_ssd".
             seed: Seed of the tracker's random draws.
             rate: Rate of the pictures [1/s].
-            preset: "paper" for the settings in the paper that describes the tracker; None for the
-                best settings known.
+            preset: Name of one of the kind's presets, such as "paper" for the settings of the
+                tracker's paper; None for the defaults, the best settings known.
             **settings: Settings of the tracker.
 
         Raises:
@@ -180,7 +180,8 @@ class Got10kTracker:
 
     def update(self, image: ArrayLike) -> Array:
         """Return the target's upright box (4,), left, top, width, height [px], with pixels counted
-        from 1, in the next picture, RGB.
+        from 1, in the next picture, RGB (H, W, 3); where the target is not seen, that of the
+        tracker's prediction.
         """
         _, (left, top, width, height) = self._follower.update(_array(image))
         return np.array([left + 1.0, top + 1.0, width, height])
@@ -223,17 +224,21 @@ class Got10kTracker:
 
 
 class VotHandle(Protocol):
-    """The methods of the VOT toolkit's `vot.VOT("rectangle")` or `vot.VOT("polygon")`."""
+    """Protocol of the object by which the VOT toolkit gives pictures and takes results: its methods
+    are those of `vot.VOT("rectangle")` and `vot.VOT("polygon")`.
+    """
 
     def region(self) -> Any:
-        """Return the target's region in the first picture [px], of a rectangle or polygon type."""
+        """Return the target's region in the first picture [px]: an object with x, y, width and
+        height, or one with `points`.
+        """
 
     def frame(self) -> str | None:
         """Return the path of the next picture; None or "" at the end."""
 
     def report(self, region: Any, confidence: float) -> None:
-        """Report the target's region [px], of the type of the first one, and the confidence 0..1 if
-        the toolkit accepts one.
+        """Send the toolkit the target's region [px] in the last picture, of the type of the first
+        region, and the confidence 0..1, which is left out if the method takes none.
         """
 
 
@@ -253,8 +258,8 @@ def run_vot(
         kind: Kind of the tracker; see `tracking.create`.
         seed: Seed of the tracker's random draws.
         rate: Rate of the pictures [1/s].
-        preset: "paper" for the settings in the paper that describes the tracker; None for the best
-            settings known.
+        preset: Name of one of the kind's presets, such as "paper" for the settings of the
+            tracker's paper; None for the defaults, the best settings known.
         **settings: Settings of the tracker.
 
     Raises:

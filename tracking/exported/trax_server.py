@@ -56,8 +56,8 @@ def run_trax(
         kind: Kind of the tracker; see `tracking.create`.
         seed: Seed of the tracker's random draws.
         rate: Rate of the pictures [1/s].
-        preset: "paper" for the settings in the paper that describes the tracker; None for the best
-            settings known.
+        preset: Name of one of the kind's presets, such as "paper" for the settings of the
+            tracker's paper; None for the defaults, the best settings known.
         requests: Stream of the client's messages; None: standard input.
         answers: Stream of our messages; None: standard output.
         **settings: Settings of the tracker.

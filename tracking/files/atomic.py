@@ -41,8 +41,9 @@ def write(root: Path, name: str, content: bytes | str) -> Path:
 
 @contextmanager
 def writing(root: Path, name: str) -> Generator[BinaryIO]:
-    """Context manager: open a binary file for the block. The file gets its name, and replaces an
-    older one, when the block ends without an exception, and is removed otherwise.
+    """Context manager: open a binary file for the block, under a temporary name. When the block
+    ends without an exception, the file gets its name and replaces an older one; otherwise it is
+    removed, and an older one stays.
 
     Args:
         root: The folder to write to; made if it does not exist.
@@ -83,8 +84,8 @@ def _check_replaceable(path: Path) -> None:
 
 @contextmanager
 def naming(path: Path) -> Generator[None]:
-    """Context manager: add the path to an OSError of the block that names no file, so that its
-    message shows the path.
+    """Context manager: to an OSError of the block that names no file, add `path` as its file name,
+    so that its message shows it. The error is raised again.
     """
     try:
         yield
@@ -95,10 +96,10 @@ def naming(path: Path) -> Generator[None]:
 
 
 def new_file(path: Path) -> BinaryIO:
-    """Open a new binary file for writing; an older file or link of this name is removed.
+    """Open a new binary file for writing; an older file or link of this name is removed first.
 
     Raises:
-        OSError: The file cannot be made.
+        OSError: The file cannot be made, or the path is a folder.
     """
     path.unlink(missing_ok=True)
     return os.fdopen(os.open(path, NEW, 0o666), "wb")

@@ -17,9 +17,10 @@ def number(value: float) -> float | None:
 def as_json(value: object) -> Any:
     """Return a value converted to dict, list, str, int, float, bool or None.
 
-    A dataclass becomes a dict of its fields, an enum its value, a tuple or an array a list, a
-    number of NumPy a plain number, infinity and nan None, and a dict's key or any other value its
-    text.
+    A dataclass becomes a dict of its fields, an enum member its value, a tuple or an array a list,
+    a number of NumPy a plain number, and infinity and nan become None. The keys of a dict and
+    values of any other type become text. In a str or a key, ? replaces a character that UTF-8 does
+    not have.
     """
     match value:
         case bool() | int() | None:
@@ -43,5 +44,7 @@ def as_json(value: object) -> Any:
 
 
 def json_text(document: object) -> str:
-    """Return the text of a JSON file with a value, converted as `as_json` does."""
+    """Return a value, converted as `as_json` does, as the text of a JSON file, with a newline at
+    its end.
+    """
     return json.dumps(as_json(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"

@@ -1,4 +1,4 @@
-"""Upright boxes around a region of the first picture."""
+"""Upright boxes around the target's rectangle, in fractions of pixels and in whole pixels."""
 
 import numpy as np
 
@@ -11,8 +11,9 @@ Box = tuple[int, int, int, int]
 
 
 def box_of(region: Region, state: State, image: Image) -> Box:
-    """Return the upright box of whole pixels (left, top, width, height) that holds a region at a
-    state, cut to the image (H, W, 3); at least one pixel wide and high.
+    """Return the smallest upright box of whole pixels (left, top, width, height) that contains a
+    region at a state, cut off at the borders of the image (H, W, 3); at least one pixel wide and
+    high.
     """
     corners = region.corners(state)
     height, width = image.shape[:2]
@@ -23,7 +24,8 @@ def box_of(region: Region, state: State, image: Image) -> Box:
 
 def exact_box(region: Region, state: State, image: Image) -> Array:
     """Return the upright box (4,) of left, top, width, height [px] around a region at a state, cut
-    to the image (H, W, 3), and rounded to a millionth of a pixel.
+    off at the borders of the image (H, W, 3), and rounded to a millionth of a pixel; sides of a box
+    outside the image are 0.
     """
     corners = region.corners(state)
     height, width = image.shape[:2]

@@ -82,11 +82,12 @@ class Cv2Tracker:
 
     def update(self, image: Image) -> tuple[bool, Sequence[float]]:
         """Return True and the target's box x, y, width, height [px] in the next picture, BGR (H, W,
-        3); False where the target is not seen, or the picture does not have the size of the first
-        one.
+        3). The first is False, and the box means nothing, where the target is not seen, or the
+        picture does not have the size of the first one.
 
         Raises:
-            ValueError: The model files do not fit each other or this tracker.
+            ValueError: OpenCV fails on the first picture of a tracker with model files: they do not
+                fit each other or this tracker.
         """
         if image.shape != self._size:
             return False, ()
@@ -171,16 +172,17 @@ def creator_of(name: str) -> Callable[..., Any]:
 
 
 def running() -> str:
-    """Return a text with the version of the imported OpenCV, and whether it has the additional
-    modules. Package metadata may be wrong: two packages of OpenCV overwrite each other's files.
+    """Return the version of the imported OpenCV and whether it has the additional modules, as a
+    text such as "4.12.0 with the additional modules". Package metadata may be wrong: two packages
+    of OpenCV overwrite each other's files.
     """
     contrib = hasattr(cv2, "TrackerCSRT")
     return f"{cv2.__version__} {'with' if contrib else 'without'} the additional modules"
 
 
 def seed_opencv(seed: int) -> None:
-    """Seed the random numbers of OpenCV's trackers: OpenCV's own, and the C library's rand() of the
-    whole process.
+    """Seed the random numbers of OpenCV's trackers: OpenCV's own generator, and the C library's
+    rand(), both for the whole process.
     """
     cv2.setRNGSeed(seed)
     # MIL draws its features with the C library's rand(), which OpenCV's seed does not reach.

@@ -38,22 +38,24 @@ Limit = Annotated[float, Ge(0.1), Le(3600.0)]
 
 
 class Guest(Protocol):
-    """Connection to a tracker of another author: an object in this process, or a program."""
+    """Protocol of a connection to a tracker of another author, an object in this process or a
+    program: `start` is called once with the first picture, then `update` for each further one.
+    """
 
     @property
     def gives(self) -> frozenset[Gives] | None:
-        """Which of "size", "angle" and "corners" the tracker declares that it measures; None: it
-        declares nothing, and its reports show it.
+        """Which of "size", "angle" and "corners" the tracker declares that it measures besides the
+        centre; None: it declares nothing, and its reports show it.
         """
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Show the tracker the first picture, in which the target is the rectangle `region` [px] at
-        `state`.
+        `state` (centre [px], angle [rad], scale).
         """
 
     def update(self, frame: Frame) -> Report:
-        """Return the tracker's report on the next picture: whether it sees the target, and
-        where.
+        """Return the tracker's report on the next picture: whether it sees the target, and the box
+        or corners where it sees it [px].
         """
         ...
 
@@ -93,8 +95,8 @@ class GuestSettings:
         raise NotImplementedError
 
     def build(self, rng: np.random.Generator) -> "GuestTracker":
-        """Return the tracker; the seed of the other author's tracker is drawn from the generator
-        when it starts.
+        """Return a new tracker with these settings. It starts the other author's tracker at the
+        call of `start`, with a seed that it draws from `rng`.
         """
         return GuestTracker(self, rng)
 
@@ -116,7 +118,8 @@ class GuestTracker:
         self._rng = rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Make a new tracker of the other author and start it on the first frame.
+        """Make a new tracker of the other author, and start it on the first frame, in which the
+        target is the rectangle `region` [px] at `state`.
 
         Raises:
             ValueError: The region is not valid, or the tracker cannot be made or refuses the
@@ -132,15 +135,16 @@ class GuestTracker:
             self._model = AppearanceSettings().model(frame.image, region, state)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the estimate by the other tracker's report; the last state where it does not see
-        the target.
+        """Return the estimate for the next frame from the other author's tracker's report; the last
+        state where that tracker does not see the target.
 
         Args:
             frame: The next frame.
             ego: Not used.
 
         Raises:
-            ValueError: The other tracker fails, or its answer has an invalid form or value.
+            ValueError: The other tracker fails, its answer has an invalid form or value, or it
+                reports no confidence though `least_confidence` is above 0.
         """
         report = self._guest.update(frame)
         place = self._placement

@@ -63,8 +63,8 @@ class TimedGuest:
 
     @property
     def gives(self) -> frozenset[Gives] | None:
-        """Which of "size", "angle" and "corners" the tracker declares that it measures; None: it
-        declares nothing, and its reports show it.
+        """Which of "size", "angle" and "corners" the tracker declares that it measures besides the
+        centre; None: it declares nothing, and its reports show it.
         """
         return self._guest.gives
 

@@ -19,14 +19,15 @@ ORDERS = [np.roll(order, k) for k in range(4) for order in ((0, 1, 2, 3), (3, 2,
 
 
 class Placement:
-    """Converts reported boxes and corners into states of the target's region.
+    """Converts boxes and corners that a tracker of another author reports into states of the
+    target's region in the first picture.
 
     An upright box gives the centre, and the scale as the square root of its area over that of the
     upright box around the region in the first picture; the angle keeps its first value. A box with
-    an angle is compared with the region itself. Four corners give centre, angle and scale by the
-    similarity that maps the first corners to them with least squares. Angle and scale count only if
-    they are measured: as the tracker declares (`gives`; None: as its reports show); without `sizes`
-    the scale never changes.
+    an angle gives the angle too, and the scale by its area over the region's. Four corners give
+    centre, angle and scale by the similarity that maps the region's first corners to them with
+    least squares. Angle and scale change only if they are measured: as the tracker declares
+    (`gives`; None: as its reports show); without `sizes` the scale never changes.
     """
 
     turns = False
@@ -67,8 +68,8 @@ class Placement:
         self.state = state
 
     def follow(self, report: Report) -> None:
-        """Set the attributes `state`, `corners`, `turns`, `resizes` and `tilts` by the report of a
-        picture in which the target is seen.
+        """Set the attributes `state`, `corners`, `turns`, `resizes` and `tilts` by the report on a
+        picture; a report without box and corners changes nothing.
         """
         if report.corners is not None:
             self._follow_corners(report.corners)
@@ -77,8 +78,8 @@ class Placement:
 
     @property
     def corners(self) -> Array:
-        """The corners (4, 2) [px] that were reported last, in the order of `Region.corners`; before
-        any were reported, those of the region in the first picture.
+        """Corners (4, 2) [px] that were reported last, in the order of `Region.corners`; before any
+        were reported, those of the region in the first picture. Reported boxes do not change them.
         """
         return self._last
 

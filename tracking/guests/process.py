@@ -196,7 +196,7 @@ class GuestProcess:
         return line
 
     def end(self) -> None:
-        """End the program and all processes that it has started."""
+        """End the program and all processes that it has started; a second call does nothing."""
         self._close()
 
     def fail_ended(self, expected: str) -> NoReturn:

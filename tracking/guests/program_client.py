@@ -51,10 +51,11 @@ class ProgramClient:
         """What the program's first line declares that it measures; None: nothing."""
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Send the first picture, in which the target is the rectangle `region` [px] at `state`.
+        """Send the first picture, in which the target is the rectangle `region` [px] at `state`,
+        and wait for the program's answer.
 
         Raises:
-            ValueError: The program has ended, hangs, or refuses the region.
+            ValueError: The program has ended, does not answer in time, or refuses the region.
         """
         target = {
             "box": exact_box(region, state, frame.image).tolist(),
@@ -64,11 +65,12 @@ class ProgramClient:
         self._show(frame, target)
 
     def update(self, frame: Frame) -> Report:
-        """Send the next picture, and return the program's report.
+        """Send the next picture, and return the program's report: whether it sees the target, and
+        where [px].
 
         Raises:
-            ValueError: The program has ended, hangs, reports an error, or its answer is not a
-                report.
+            ValueError: The program has ended, does not answer in time, reports an error, or its
+                answer is not a report.
         """
         answer = self._show(frame, {})
         try:

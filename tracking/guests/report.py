@@ -98,8 +98,8 @@ def report_of_box(box: Array, angle: float | None = None) -> Report:
 
 
 def report_of_corners(corners: Array) -> Report:
-    """Return the report of the corners (4, 2) [px] of a quadrilateral with an area. Those of an
-    upright rectangle are reported as its box: they show neither angle nor tilt.
+    """Return the report of the four corners (4, 2) [px] of a quadrilateral. Those of an upright
+    rectangle are reported as its box, because they show neither angle nor tilt.
     """
     if is_upright(corners):
         return Report(box=box_around(corners).round(DIGITS))
@@ -111,7 +111,7 @@ def gives_in(declared: object, name: str) -> frozenset[Gives] | None:
     declares nothing.
 
     Args:
-        declared: A collection of "size", "angle", "corners", or None.
+        declared: One of these words, a collection of them, or None.
         name: Name of the tracker, to begin messages.
 
     Raises:
@@ -154,7 +154,9 @@ def convex(corners: Array) -> bool:
 
 
 def is_upright(corners: Array) -> bool:
-    """Return True if the sides of a quadrilateral (4, 2) [px] lie along the image's axes."""
+    """Return True if the sides of a quadrilateral (4, 2) [px] lie along the image's axes, up to a
+    thousandth of its longest side.
+    """
     sides = np.abs(np.diff(corners, axis=0, append=corners[:1]))
     return bool((sides.min(axis=1) <= UPRIGHT * sides.max()).all())
 
@@ -165,8 +167,8 @@ def box_around(points: Array) -> Array:
 
 
 def outline_of(report: Report) -> Array:
-    """Return the corners (4, 2) [px] that the report of a seen target describes: the reported
-    corners, or those of the reported box, clockwise in the image.
+    """Return the corners (4, 2) [px] of a report in which the target is seen: the reported corners
+    as they are or, for a reported box, its corners, clockwise in the image.
     """
     if report.corners is not None:
         return report.corners
@@ -177,7 +179,9 @@ def outline_of(report: Report) -> Array:
 
 
 def shown(answer: object) -> str:
-    """Return a value that a tracker returned as one short line of text, for messages."""
+    """Return a value that a tracker returned as one short line of text for messages, with "..." in
+    place of what is too long.
+    """
     return " ".join(reprlib.repr(answer).split())
 
 

@@ -43,8 +43,8 @@ REGIONS = frozenset({"rectangle", "polygon", "mask"})
 
 class TraxClient:
     """Connection to a tracker that is a server of the TraX protocol; the server is ended when this
-    object is deleted. `loading` is the longest wait for its hello, `timeout` for the answer to a
-    picture [s].
+    object is deleted. `loading` is the longest wait for its first message (hello), `timeout` for
+    the answer to a picture [s].
     """
 
     def __init__(self, command: str, timeout: float, loading: float) -> None:
@@ -82,10 +82,11 @@ class TraxClient:
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Send the first picture, in which the target is the rectangle `region` [px] at `state`,
-        and wait for the answer.
+        and wait for the server's answer, whose region is not used.
 
         Raises:
-            ValueError: The server has ended, hangs, or sends another message than a state.
+            ValueError: The server has ended, does not answer in time, or sends another message than
+                a state.
         """
         corners = region.corners(state)
         if "polygon" in self._regions:
@@ -102,11 +103,12 @@ class TraxClient:
         self._ask("state", self._timeout, *messages)
 
     def update(self, frame: Frame) -> Report:
-        """Send the next picture, and return the server's report.
+        """Send the next picture, and return the server's report: box or corners [px], and the
+        confidence if the server sends one.
 
         Raises:
-            ValueError: The server has ended, hangs, its answer is not a region with an area, or its
-                confidence is not from 0 to 1.
+            ValueError: The server has ended or does not answer in time, its answer is not a region
+                with an area, or its confidence is not from 0 to 1.
         """
         message = Message("frame", (self._picture(frame.image),))
         answer = self._ask("state", self._timeout, message)

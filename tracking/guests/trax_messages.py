@@ -54,7 +54,9 @@ BYTES = {"rgb": 3, "gray8": 1, "gray16": 2}
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A TraX message: its type, its arguments in order, and its named arguments."""
+    """A message of the TraX protocol: its type, such as "frame", its arguments in order, and its
+    named arguments.
+    """
 
     type: str
     """One of `TYPES`."""
@@ -69,8 +71,8 @@ class Message:
 
 
 def message_in(line: str) -> Message | None:
-    """Return the TraX message in a received line of text, a "status" as a "state"; None if the line
-    is other output.
+    """Return the TraX message in a received line of text; None if the line is other output. A
+    message of the type "status", an old name, gets the type "state".
     """
     if not line.startswith(PREFIX):
         return None
@@ -101,8 +103,12 @@ def region_text(numbers: Array) -> str:
 
 
 def mask_text(corners: Array, image: Image) -> str:
-    """Return the mask of a convex region, whose corners (n, 2) [px] go around it clockwise, in a
-    picture (H, W, 3) as the text of a region.
+    """Return a convex region in a picture (H, W, 3) as the text of a TraX mask: lengths of runs of
+    pixels outside and inside. A pixel is inside if its centre is.
+
+    Args:
+        corners: The region's corners (n, 2) [px], clockwise in the image.
+        image: The picture, whose size the mask gets.
     """
     height, width = image.shape[:2]
     mask = np.ones((height, width), dtype=np.int8)

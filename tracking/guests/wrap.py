@@ -40,21 +40,27 @@ FROM_ONE = np.array([1.0, 1.0, 0.0, 0.0])
 
 
 class Foreign(Protocol):
-    """A tracker of another author, in OpenCV's or GOT-10k's convention."""
+    """Protocol of a tracker of another author, in OpenCV's or GOT-10k's convention: `init` is
+    called once with the first picture, then `update` with each further one.
+    """
 
     def init(self, image: Any, box: Any, /) -> object:
-        """Learn the target in a box of the first picture; return False to refuse the box."""
+        """Learn the target in a box of left, top, width, height [px] of the first picture (H, W,
+        3); return False to refuse the box. Other results are ignored.
+        """
 
     def update(self, image: Any, /) -> object:
-        """Return the target's box [px] in the next picture, (ok, box), or a mapping with some of
-        the keys box, angle, corners, seen and confidence.
+        """Return the target's box of left, top, width, height [px] in the next picture (H, W, 3),
+        (ok, box), or a mapping with some of the keys box, angle [rad], corners, seen and
+        confidence.
         """
 
 
 @final
 class Called:
-    """A tracker of another author in this process, called in OpenCV's or GOT-10k's convention. With
-    `rounds`, the error of the whole numbers that its `init` was given is taken out of its boxes.
+    """A tracker of another author in this process, called with OpenCV's pictures and boxes (BGR,
+    whole numbers) or GOT-10k's (RGB, pixels counted from 1). With `rounds`, its boxes are corrected
+    for the rounding of the box that its `init` was given.
     """
 
     def __init__(
@@ -106,7 +112,8 @@ class Called:
             )
 
     def update(self, frame: Frame) -> Report:
-        """Return the tracker's report for the next picture.
+        """Return the tracker's report on the next picture: whether it sees the target, and the box
+        or corners [px] where it sees it.
 
         Raises:
             ValueError: The tracker's `update` returned something else than `report_in` accepts, or
@@ -164,8 +171,9 @@ def _unrounded(box: Array, exact: Array, whole: Array) -> Array:
 
 
 def convention_of(tracker: Foreign) -> Convention:
-    """Return the convention of a tracker: "got10k" for a subclass of that toolkit's `Tracker`, and
-    where the second argument of `init` is named box or bbox; else "opencv".
+    """Return how the methods of a tracker of another author want to be called: "got10k" (RGB,
+    pixels counted from 1) for a subclass of that toolkit's `Tracker`, and where the second argument
+    of `init` is named box or bbox; else "opencv" (BGR, pixels counted from 0).
     """
     if any(base.__module__.startswith("got10k.") for base in type(tracker).__mro__):
         return "got10k"
@@ -195,11 +203,12 @@ class Wrapping:
     """Whether the tracker is one of OpenCV's own (see `Called`)."""
 
     def timed(self, seed: int, settings: GuestSettings) -> TimedGuest:
-        """Return a new tracker, ready for the first picture, in a thread of its own.
+        """Return a new tracker, ready for the first picture, in a thread of its own, whose answers
+        have time limits.
 
         Args:
             seed: Seed of all random numbers of the tracker.
-            settings: Settings with the time limits of the tracker's answers.
+            settings: Settings with the time limits `timeout` and `loading` [s].
 
         Raises:
             ValueError: As `called` does, or the tracker was not made within `settings.loading`.
@@ -272,15 +281,18 @@ def is_foreign(tracker: object) -> TypeGuard[Foreign]:
 
 @dataclass(frozen=True)
 class WrapSettings(GuestSettings):
-    """Settings of a tracker that `wrap` makes of a class of another author."""
+    """Settings of a tracker that `wrap` makes of a class of another author (`wrapping`): those of
+    any tracker of another author.
+    """
 
     wrapping: ClassVar[Wrapping]
 
     def guest(self, seed: int) -> TimedGuest:
-        """Return a new tracker, ready for the first picture.
+        """Return a new tracker of the other author in a thread of its own, ready for the first
+        picture; all its random numbers follow from `seed`.
 
         Raises:
-            ValueError: The tracker cannot be made, or not within `loading`.
+            ValueError: The tracker cannot be made, or not within `loading` s.
         """
         return self.wrapping.timed(seed, self)
 
@@ -310,7 +322,7 @@ def wrap(
         name: Name of the kind in results and messages; None: "module:class".
 
     Raises:
-        ValueError: `factory` is not a tracker, or there is no such convention.
+        ValueError: `factory` is neither callable nor a tracker, or there is no such convention.
 
     Example:
         >>> class Still:

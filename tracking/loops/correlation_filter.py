@@ -1,5 +1,5 @@
-"""Compiled loops: grey patches at a state of the target, their gradient histograms, and places in a
-map of correlation.
+"""Compiled loops: grey levels at the points of a target's template, histograms of gradients, and
+interpolation in a map of filter outputs.
 """
 
 import numpy as np
@@ -112,11 +112,15 @@ def _normalise(found: Levels) -> None:
 
 @compiled(error_model="numpy", fastmath=("contract",))
 def gradients(levels: Array) -> Levels:
-    """Return histograms of gradients (9, R, C) by their orientation, of cells of 2 x 2 pixels; each
-    is divided by the mean strength of the 3 x 3 cells around it, and values above 0.4 are cut off.
+    """Return histograms (9, R, C) of the gradients in cells of 2 x 2 pixels by their orientation:
+    nine orientations from 0 to 180 deg, a gradient counts by its strength and is shared between
+    two.
+
+    Each histogram is divided by sqrt(1 + 4 m), where m is the mean sum of squares of the histograms
+    in the 3 x 3 cells around it, and clipped to at most 0.4.
 
     Args:
-        levels: Grey levels (2 R, 2 C).
+        levels: Grey levels (2 R, 2 C), 0..255.
     """
     height, width = levels.shape
     rows = height // 2
@@ -145,14 +149,14 @@ def gradients(levels: Array) -> Levels:
 
 @compiled(error_model="numpy", fastmath=("contract",))
 def looked_up(response: Array, states: Array, centre: Array, step: float, outside: float) -> Array:
-    """Return the values (N,) of a map at the places of states, by bilinear interpolation.
+    """Return the values (N,) of a map at the positions x, y of N states, by bilinear interpolation.
 
     Args:
         response: Map (R, C), whose middle R // 2, C // 2 is at `centre`.
-        states: x, y [px], theta [rad], ln scale (N, 4).
-        centre: State (4,) at which the map was computed.
-        step: Distance of two of its places at scale 1 [px].
-        outside: Value beyond its border.
+        states: x, y [px], theta [rad], ln scale (N, 4); angle and scale are not used.
+        centre: State (4,) at which the map was computed, whose angle and scale the map has.
+        step: Distance of two neighbouring values of the map at scale 1 [px].
+        outside: Value beyond the map's border.
     """
     rows, columns = response.shape
     found = np.full(len(states), outside)

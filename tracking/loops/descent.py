@@ -215,9 +215,15 @@ def kernel_histograms(
 
 @compiled(error_model="numpy")
 def histograms(image: Image, x: Array, kernels: Kernels) -> tuple[Array, Array]:
-    """Return the sums (K, B, 5) and totals (K, 5) of `kernel_histograms` at a state x (4,), with
-    the template and kernels of `descend`; of a large template only every second, third, ... pixel
-    and row is read.
+    """Return the sums (K, B, 5) and totals (K, 5) of `kernel_histograms`: for K kernels and B bins,
+    the pixels' weights and their derivatives by x, y [px], theta [rad] and ln scale. Of a large
+    template only every second, third, ... pixel and row is read.
+
+    Args:
+        image: RGB (H, W, 3).
+        x: State (4,): x, y [px], theta [rad], ln scale.
+        kernels: Half sides of the template [px], centres and half axes of the kernels [px], number
+            of bins of each channel, and largest number of pixels read, about.
     """
     half, centres, span, levels, pixels = kernels
     area = 4.0 * half[0] * half[1] * np.exp(2.0 * x[3])
@@ -276,7 +282,8 @@ def ssd_normal_equations(
 
 @compiled(error_model="numpy", fastmath={"contract"})
 def solved(A: Array, b: Array) -> Array:
-    """Return the solution of A x = b, in the place of b (n,); A (n, n) becomes its factors.
+    """Return the solution x (n,) of A x = b. Both arguments are changed: x is written into b, which
+    is returned, and A (n, n) becomes its factors. A singular A gives inf or nan.
 
     Crout's elimination with row exchanges, in LAPACK's order of operations. NumPy's `solve` takes
     as long to compile as all other loops.
@@ -309,11 +316,12 @@ def solved(A: Array, b: Array) -> Array:
 @compiled(error_model="numpy")
 def damped_step(gradient: Array, curvature: Array, damping: float, units: Array) -> Array:
     """Return Levenberg's step (4,) of x, y [px], theta [rad] and ln scale: -(H + damping * mean of
-    its diagonal)^-1 g, computed with each coordinate divided by its unit.
+    H's diagonal * identity)^-1 g, with curvature H and gradient g, computed with each coordinate
+    divided by its unit.
 
     Args:
-        gradient: Gradient (4,).
-        curvature: Curvature (4, 4).
+        gradient: Gradient g (4,).
+        curvature: Curvature H (4, 4).
         damping: Damping relative to the mean of the scaled diagonal.
         units: Unit of each coordinate (4,), by which the damping weighs the coordinates.
     """
@@ -337,8 +345,16 @@ def damped_step(gradient: Array, curvature: Array, damping: float, units: Array)
 def linearise(
     image: Image, x: Array, kernels: Kernels, root_reference: Array
 ) -> tuple[float, Array, Array]:
-    """Return cost, gradient (4,) and curvature (4, 4) of `ssd_normal_equations` at the state x
-    (4,), with the arguments of `descend`.
+    """Return cost, gradient (4,) and curvature (4, 4), by x, y [px], theta [rad] and ln scale, of
+    the squared difference mean_k ||sqrt(q_k + 0.001) - q*_k||^2 at a state, where q_k is the
+    histogram of kernel k; as `ssd_normal_equations` returns them, without the factor 2.
+
+    Args:
+        image: RGB (H, W, 3).
+        x: State (4,): x, y [px], theta [rad], ln scale.
+        kernels: Half sides of the template [px], centres and half axes of the kernels [px], number
+            of bins of each channel, and largest number of pixels read, about.
+        root_reference: Square roots q*_k of the reference histograms plus 0.001 (K, B).
     """
     sums, totals = histograms(image, x, kernels)
     return ssd_normal_equations(sums, totals, root_reference, FLOOR)
@@ -355,23 +371,24 @@ def descend(
     tolerance: float,
     hopeless: float,
 ) -> tuple[Array, float, int]:
-    """Descend from a state to a minimum of the cost mean_k ||sqrt(q_k + floor) - q*_k||^2, by
+    """Descend from a state to a local minimum of the cost mean_k ||sqrt(q_k + 0.001) - q*_k||^2, by
     Levenberg's steps; q_k is the histogram of kernel k at the state.
 
     Args:
         image: RGB (H, W, 3).
         start: First state (4,): x, y [px], theta [rad], ln scale.
-        kernels: Half sides of the template [px], centres and half axes of the kernels [px],
-            number of bins of each channel, and largest number of pixels read.
-        root_reference: Square roots q*_k of the reference histograms plus the floor (K, B).
+        kernels: Half sides of the template [px], centres and half axes of the kernels [px], number
+            of bins of each channel, and largest number of pixels read, about.
+        root_reference: Square roots q*_k of the reference histograms plus 0.001 (K, B).
         units: Unit of each coordinate of a state (4,), by which steps are damped and judged.
         most: Largest number of evaluations.
-        tolerance: A step with all coordinates below this, in `units`, is the last; it is not
-            evaluated.
+        tolerance: A step with all coordinates below this, in `units`, is the last; it is taken
+            without an evaluation.
         hopeless: A start with a higher cost is returned unchanged.
 
     Returns:
-        State (4,), the last accepted cost, and the number of evaluations.
+        State (4,), the cost at the last state that was evaluated and accepted, and the number of
+        evaluations.
     """
     x = start.copy()
     cost, gradient, curvature = linearise(image, x, kernels, root_reference)

@@ -18,7 +18,9 @@ LARGEST_BETA = 1e4
 
 @compiled()
 def normalised(log_weights: Array) -> Array:
-    """Return weights (N,) that sum to 1, from logarithms (N,) with any constant added."""
+    """Return weights (N,) that sum to 1, from their natural logarithms (N,), to which any constant
+    may be added.
+    """
     # The largest becomes exp(0): without this, all could underflow to 0.
     top = -np.inf
     for log_weight in log_weights:
@@ -100,12 +102,12 @@ def systematic(weights: Array, first: float) -> NDArray[np.int64]:
 
 @compiled()
 def exponent(log_likelihood: Array, target: float) -> float:
-    """Return the beta, from 0 to 10,000, for which w^beta has a given effective sample size, by
-    bisection.
+    """Return the beta, from 0 to 10,000, for which the weights w^beta have a given effective sample
+    size, by bisection; one of the ends if no beta has it.
 
     Args:
-        log_likelihood: ln w (N,).
-        target: Effective sample size 1 / sum w^2 of the normalised weights.
+        log_likelihood: Natural logarithm ln w of each weight (N,).
+        target: Effective sample size, 1..N: (sum v)^2 / sum v^2 of v = w^beta.
     """
     low = 0.0
     high = LARGEST_BETA

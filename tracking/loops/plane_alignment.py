@@ -43,7 +43,8 @@ FEWEST = 12
 
 @compiled(error_model="numpy")
 def sample(image: NDArray[np.float32], H: Array, points: Array) -> Array:
-    """Return the brightness (n,) of a picture (height, width) at the places H x of points (n, 2).
+    """Return the brightness (n,) of a picture (height, width) at the places [px] to which the
+    homography H (3, 3) maps points (n, 2).
 
     It is interpolated bilinearly, and nan outside the picture and behind the camera.
     """
@@ -70,8 +71,8 @@ def sample(image: NDArray[np.float32], H: Array, points: Array) -> Array:
 
 @compiled(error_model="numpy")
 def partition(values: Array, rank: int) -> None:
-    """Reorder values (n,) so that the value at index `rank` is the one of the sorted array, with no
-    larger value before it and no smaller one after it (Hoare's quickselect).
+    """Reorder values (n,) in place so that the value at index `rank` is the one of the sorted
+    array, with no larger value before it and no smaller one after it (Hoare's quickselect).
 
     NumPy's `quantile` and `partition` take five times as long to compile.
     """
@@ -101,8 +102,9 @@ def partition(values: Array, rank: int) -> None:
 
 @compiled(error_model="numpy")
 def sigma_of(error: Array) -> float:
-    """Return the robust standard deviation of errors (n,) [grey levels], or 1 if it is smaller; at
-    least two errors have to be other than nan.
+    """Return a robust standard deviation of errors (n,) [grey levels]: the 35 % quantile of their
+    sizes over that of normal errors, or 1 if it is smaller. Errors of nan are left out; at least
+    two must not be nan.
     """
     size = np.abs(error[~np.isnan(error)])
     rank = 1.0 + (len(size) - 1) * QUANTILE  # counted from 1, as NumPy's `quantile` rounds it
@@ -115,8 +117,8 @@ def sigma_of(error: Array) -> float:
 
 @compiled(error_model="numpy")
 def tukey(error: Array, sigma: float) -> Array:
-    """Return Tukey's biweights (n,), 0..1, of errors (n,) with a standard deviation sigma; 0 for
-    nan.
+    """Return Tukey's biweights (n,), 0..1, of errors (n,) with the standard deviation `sigma`: 1
+    for an error of 0, 0 from 4.685 sigma on and for nan.
     """
     limit = TUKEY * sigma
     weights = np.zeros(len(error))
@@ -129,10 +131,14 @@ def tukey(error: Array, sigma: float) -> Array:
 
 @compiled(error_model="numpy")
 def agreed(weights: Array, cells: NDArray[np.intp]) -> Array:
-    """Return the weights (n,) of points, reduced where the points of the same cell have little
-    weight on average; cells (n,) are the numbers of the points' cells.
+    """Return the weights (n,) of points, times a factor that falls from 1 to 0 as the mean weight
+    of the points in the same cell of the template falls from 0.6 to 0.3.
 
     An object that hides the target hides whole cells, in which some points fit by chance.
+
+    Args:
+        weights: Weights of the points (n,), 0..1.
+        cells: Number of each point's cell (n,).
     """
     mean = (np.bincount(cells, weights) / np.bincount(cells))[cells]
     return weights * np.minimum(np.maximum((mean - HIDDEN) / (SHOWN - HIDDEN), 0.0), 1.0)
@@ -142,9 +148,16 @@ def agreed(weights: Array, cells: NDArray[np.intp]) -> Array:
 def normal_equations(
     error: Array, weights: Array, rows: Array, template: Array, gain: float
 ) -> tuple[Array, Array]:
-    """Return the curvature (10, 10) and gradient (10,) of weighted squares of errors (n,) at n
-    points, for the eight parameters of the homography, gain and bias; rows (n, 8) are the
-    derivatives of the template's brightness `template` (n,).
+    """Return curvature (10, 10) and gradient (10,) of half the sum of weighted squared errors, by
+    the eight parameters of the homography, gain and bias. The curvature's diagonal is slightly
+    enlarged, so that it can be inverted where the visible part has no texture.
+
+    Args:
+        error: Errors (n,) [grey levels]: picture minus gain times template minus bias.
+        weights: Weights (n,); a point of weight 0 may have the error nan.
+        rows: Derivatives (n, 8) of the template's brightness by the parameters.
+        template: Brightness of the template (n,) [grey levels].
+        gain: Current gain.
     """
     A = np.zeros((10, 10))
     g = np.zeros(10)
@@ -171,10 +184,11 @@ def normal_equations(
 
 @compiled(error_model="numpy")
 def correlation(seen: Array, template: Array, weights: Array) -> float:
-    """Return the weighted correlation, -1..1, of the brightness seen (n,) and that of the template
-    (n,).
+    """Return the weighted correlation, -1..1, of the brightness seen in a picture (n,) and that of
+    the template (n,), at the points with a weight above 0.
 
-    It is reduced in proportion where the mean weight is below 0.8: only a small part fits.
+    If the mean of all weights (n,) is below 0.8, the correlation is multiplied by this mean over
+    0.8, because only a part fits.
     """
     total = 1e-12
     mean = 0.0
@@ -225,13 +239,13 @@ def align(
     most: int,
     tolerance: float,
 ) -> tuple[Array, Array, float, float]:
-    """Return the homography H (3, 3) with I(H x) = gain T(x) + bias for the points x of a template,
-    by Gauss-Newton steps.
+    """Find, by Gauss-Newton steps, the homography H (3, 3) with I(H x) = gain T(x) + bias for the
+    points x of a template, with I the brightness of the picture.
 
     Args:
-        image: Brightness (height, width).
-        begin: H at first.
-        light: Gain and bias at first.
+        image: Brightness I (height, width) [grey levels].
+        begin: H at first, from the template's unit square to pixels.
+        light: Gain and bias [grey levels] at first.
         level: The template: points x (m, 2) in a unit square, their brightness T (m,), its
             derivatives by the eight parameters of H (m, 8), and the numbers of the points' cells
             (m,).
@@ -239,8 +253,9 @@ def align(
         tolerance: Length of a step that ends the descent [sides of the template].
 
     Returns:
-        H, gain and bias (2,), the correlation and the misfit there; the correlation is 0 where the
-        template left the picture or the descent failed.
+        H; gain and bias (2,); the correlation, -1..1; and the misfit, as the function `misfit`
+        returns it. Where the template left the picture or the descent failed, the correlation is 0,
+        the misfit inf, and gain and bias are those given.
     """
     points, template, rows, cells = level
     at = begin

@@ -91,12 +91,14 @@ def histograms(
     count: int,
     bins: int,
 ) -> Array:
-    """Return the histograms (count, bins) of all parts at one state (4,), not normalised.
+    """Return the histograms (count, bins) of all parts of the template at one state, not
+    normalised: sums of the weights of the points in each bin.
 
     Args:
-        window: Labels (h, w), and left and top of their part of the image [px].
-        state: x, y [px], theta [rad], ln scale.
-        points: Template points (P, 2) [px].
+        window: Bin numbers (h, w) of pixels, negative for none, and left and top of their part of
+            the image [px].
+        state: State (4,): x, y [px], theta [rad], ln scale.
+        points: Template points (P, 2) from the target's centre, at scale 1 [px].
         parts: Part of each point (P,), 0..count-1.
         weights: Kernel weight of each point (P,).
         count: Number of parts.
@@ -116,12 +118,14 @@ def coefficients(
     weights: Array,
     root_q: Array,
 ) -> Array:
-    """Return the Bhattacharyya coefficients (N, K) of each state's parts with their references.
+    """Return the Bhattacharyya coefficients (N, K), 0..1, of the histograms of the K parts of the
+    template at N states with their reference histograms.
 
     Args:
-        window: Labels (h, w), and left and top of their part of the image [px].
+        window: Bin numbers (h, w) of pixels, negative for none, and left and top of their part of
+            the image [px].
         states: States (N, 4): x, y [px], theta [rad], ln scale.
-        points: Template points (P, 2) [px].
+        points: Template points (P, 2) from the target's centre, at scale 1 [px].
         parts: Part of each point (P,), 0..K-1.
         weights: Kernel weight of each point (P,), above 0, summing to 1 over a part.
         root_q: Square roots of the reference histograms (K, B).
@@ -144,8 +148,8 @@ def coefficients(
 
 @compiled()
 def squared_distances(rho: Array) -> Array:
-    """Return squared distances d_m^2 = 1 - mean_k rho_k (N,), at least 0, of coefficients rho
-    (N, K).
+    """Return the squared distances (N,) of N states, 1 minus the mean of the K Bhattacharyya
+    coefficients of each, but at least 0; `rho` (N, K) are the coefficients.
     """
     found = np.empty(len(rho))
     for n in range(len(rho)):
@@ -205,21 +209,23 @@ def mean_shift(
     most: int,
     tolerance: float,
 ) -> tuple[Array, Array, int]:
-    """Move x and y of each state (N, 4) to a local maximum of the Bhattacharyya coefficient with a
-    reference, by mean shift; angle and scale stay.
+    """Return states (N, 4) moved in x and y to a local maximum of the Bhattacharyya coefficient
+    with a reference histogram, by mean shift; angle and scale stay, and `states` is not changed.
 
     Args:
-        window: Labels (h, w), and left and top of their part of the image [px].
+        window: Bin numbers (h, w) of pixels, negative for none, and left and top of their part of
+            the image [px].
         states: First states (N, 4): x, y [px], theta [rad], ln scale.
-        points: Template points (P, 2) [px].
+        points: Template points (P, 2) from the target's centre, at scale 1 [px].
         weights: Kernel weights of the points (P,), summing to 1.
         pulls: Weights of the points in a step (P,): equal under an Epanechnikov kernel.
         root_q: Square roots of the reference histogram (1, B).
         most: Largest number of evaluated histograms for a state.
-        tolerance: A shorter shift ends the search [px].
+        tolerance: A shift not longer than this ends the search [px].
 
     Returns:
-        States (N, 4), their coefficients (N,), and the number of evaluated histograms.
+        States (N, 4), their coefficients (N,), and the number of evaluated histograms of all states
+        together.
     """
     found = states.copy()
     rho = np.zeros(len(states))

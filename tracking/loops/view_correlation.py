@@ -1,4 +1,6 @@
-"""Compiled loops: correlation of a picture at a state of the target with stored views."""
+"""Compiled loops: correlation of a picture at a state of the target with stored views, which are
+pictures of a few points of the target.
+"""
 
 import numpy as np
 
@@ -49,14 +51,14 @@ def view(image: Image, state: Array, points: Array) -> Array:
 
 @compiled()
 def correlations(image: Image, states: Array, points: Array, stored: Array) -> Array:
-    """Return for each state the largest correlation (N,), -1..1, of the picture there with the
-    stored views.
+    """Return for each of N states the largest correlation (N,), -1..1, of the picture there with
+    the stored views of the target; 0 where the picture has no contrast.
 
     Args:
         image: RGB (H, W, 3).
         states: x, y [px], theta [rad], ln scale (N, 4).
-        points: Template points (P, 2) [px].
-        stored: Views (M, 3 P) as of `view`.
+        points: Template points (P, 2) from the target's centre, at scale 1 [px].
+        stored: Views (M, 3 P), each as the function `view` returns it.
     """
     found = np.full(len(states), -1.0)
     for n in range(len(states)):

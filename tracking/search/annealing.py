@@ -27,9 +27,9 @@ COOLING = 0.5
 
 
 class Schedule(StrEnum):
-    """Rule for the exponents beta of the annealing layers, from the broadest layer to the last:
-    "survival", with which half of the particles survive each layer, or "fixed", a geometric series
-    that ends at 1.
+    """Rule for the exponents beta of the likelihood w^beta in the layers of annealing: "survival",
+    with which half of the particles survive each layer, or "fixed", a geometric series, doubled
+    from layer to layer, that ends at 1.
     """
 
     SURVIVAL = "survival"
@@ -40,7 +40,10 @@ class Schedule(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Annealing:
-    """Settings of annealing: the number of layers and the schedule of their exponents."""
+    """Settings of an annealed particle filter, which weighs its particles several times for a
+    picture, with a sharper likelihood each time: number of these layers, and rule for the
+    likelihood's exponents.
+    """
 
     layers: int
     schedule: Schedule

@@ -94,9 +94,9 @@ changes. Discs and cylinders from above have at most 0.09, a plain rectangle of 
 
 
 class KernelModel:
-    """The target's reference histograms under a grid of Epanechnikov kernels, from the first
-    picture, RGB (H, W, 3); and the search for the state with the most similar histograms by
-    Newton's descent. Without `turns` the angle is not searched.
+    """The target's reference histograms under a grid of Epanechnikov kernels, computed from the
+    first picture, RGB (H, W, 3); and a search, by damped Newton steps, for a state in another
+    picture with similar histograms. If `turns` is False the angle is not searched.
     """
 
     def __init__(
@@ -112,10 +112,10 @@ class KernelModel:
 
         Args:
             image: First picture, RGB (H, W, 3).
-            region: The template.
-            state: State of the target there.
+            region: The target's rectangle [px].
+            state: State of the target in that picture.
             grid: The kernels.
-            turns: Search the angle, too; else it stays as it is at the start of a descent.
+            turns: True: `descend` searches the angle, too; False: the angle stays as it was.
         """
         # Levenberg's damping acts on steps in these units: a tiny unit holds the angle.
         self._units = UNITS if turns else UNITS * (1, 1, HELD, 1)
@@ -148,8 +148,8 @@ class KernelModel:
         tolerance: float = TOLERANCE,
         hopeless: float = 1.0,
     ) -> Descent:
-        """Descend from a state to the nearest minimum of the objective, the distance of the
-        histograms there from the reference.
+        """Descend from a state to a local minimum of the Bhattacharyya distance d_m, 0..1, between
+        the histograms in a picture and the reference histograms.
 
         Args:
             image: RGB (H, W, 3).
@@ -179,10 +179,16 @@ class KernelModel:
 
     def covariance(self, image: Image, state: State) -> Array:
         """Return the covariance (4, 4) of x, y [px], theta [rad] and ln scale at the end of a
-        descent: one standard deviation away, the objective is larger by 2 * 0.025^2.
+        descent: one standard deviation away, the squared distance d_m^2 of the histograms is larger
+        by 0.025^2.
 
-        It is large where the template slips inside something of one colour, and nan for an angle
-        that is not searched. The histograms computed here are not counted as evaluations.
+        It is large, but bounded, along directions in which the histograms hardly change; rows and
+        columns of an angle that is not searched are nan. The histogram computed here is not counted
+        as evaluation.
+
+        Args:
+            image: RGB (H, W, 3).
+            state: State at which the descent ended.
         """
         # O grows by dx' H dx, and H / (2 USUAL^2) is the information. The prior bounds
         # the variance along which O is flat.
@@ -193,12 +199,12 @@ class KernelModel:
 
 def changes(image: Image, region: Region, state: State) -> tuple[float, float]:
     """Return how much the target's histograms change when the template is shifted, and when it is
-    turned, in the first picture.
+    turned, in the first picture. Only the middle 70 % of the template's width and height is used.
 
     Returns:
-        The distance d_m, 0..1, from the unchanged histograms after a shift by a quarter of the
-        target's size, as a mean over eight directions; and the largest distance after a turn, of
-        turns by 15 to 345 deg.
+        The Bhattacharyya distance, 0..1, from the unchanged histograms after a shift by a quarter
+        of the target's size (root of its area), as a mean over eight directions; and the largest
+        distance after a turn, of turns by 15, 30, ... 345 deg.
     """
     model = KernelModel(image, region, state, INNER)
     shift = SHIFTED * np.sqrt(region.area(state))
@@ -216,11 +222,12 @@ def changes(image: Image, region: Region, state: State) -> tuple[float, float]:
 
 
 def shows_angle(image: Image, region: Region, state: State) -> bool:
-    """Return True if turning the template changes the target's histograms in the first picture at
-    least 0.3 times as much as shifting it by a quarter of its size does.
+    """Return True if turning the template in the first picture changes the target's histograms at
+    least 0.3 times as much as shifting it by a quarter of the target's size does; also if neither
+    changes them.
 
-    A turn of a disc, or of a mug from above, changes nothing: an estimated angle would drift, and
-    the camera would turn with it. If not even a shift changes the histograms, the result is True.
+    If the result is False, as for a disc or a mug from above, an estimated angle would drift, and
+    the camera would turn with it.
     """
     shifted, turned = changes(image, region, state)
     return turned >= LEAST_TURN * shifted

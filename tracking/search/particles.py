@@ -51,21 +51,29 @@ class ParticleFilter:
         self.samples[:, 3] = self.samples[:, 3].clip(-LARGEST_LOG, LARGEST_LOG)
 
     def weigh(self, log_likelihood: Array) -> None:
-        """Multiply the weights by a likelihood, given by its logarithm (N,), and normalise them."""
+        """Multiply the weights by a likelihood, given by its natural logarithm (N,) up to a
+        constant, and scale them to the sum 1.
+        """
         # In logarithms: likelihoods of a sharp layer underflow.
         self.weights = particle_loops.normalised(np.log(self.weights) + log_likelihood)
 
     def mean(self) -> State:
-        """Return the weighted mean of the samples, before resampling, which only adds variance."""
+        """Return the state at the weighted mean of the samples. Call it before `resample`, which
+        would add variance.
+        """
         return State.of(particle_loops.mean(self.samples, self.weights))
 
     def covariance(self) -> Array:
-        """Return the weighted covariance (4, 4) of x, y [px], theta [rad] and ln scale."""
+        """Return the weighted covariance (4, 4) of the samples in x, y [px], theta [rad] and ln
+        scale.
+        """
         return particle_loops.covariance(self.samples, self.weights)
 
     @property
     def follows(self) -> tuple[bool, bool]:
-        """Whether the samples vary in angle, and whether they vary in size."""
+        """Pair of bools: True if the samples vary in angle, and True if they vary in size, because
+        the noise of this coordinate is above 0.
+        """
         return bool(self._noise[2] > 0), bool(self._noise[3] > 0)
 
     def best(self) -> State:
@@ -113,12 +121,13 @@ class ParticleFilter:
         self.weights = np.full(len(self.samples), 1.0 / len(self.samples))
 
     def scatter(self, share: float, size: tuple[int, int], state: State) -> None:
-        """Redraw a share of the samples uniformly over the picture: the target may be anywhere.
+        """Redraw x and y of the first samples uniformly over the picture, because the target may be
+        anywhere; weights stay.
 
         It is sensor resetting (Lenser, Veloso 2000).
 
         Args:
-            share: Share of the samples.
+            share: Share of the samples that is redrawn, 0..1.
             size: Width and height of the picture [px].
             state: State whose angle and size these samples get.
         """

@@ -1,6 +1,7 @@
 """Constant-velocity prediction: an exponential mean of the target's motion from frame to frame.
 
-Where the part of the motion that the camera causes is given (`ego`), the mean is of the rest.
+Where the part of that motion which the camera causes (`ego`) is known, the mean is of the remaining
+motion.
 """
 
 import numpy as np
@@ -10,9 +11,9 @@ from tracking.types import State
 
 
 class Velocity:
-    """An exponential mean of the change (4,) of x, y [px], theta [rad] and ln scale per frame, less
-    the part that the camera's motion causes where that is given. It begins at `state` with 0;
-    `memory`, 0..1, is the share of the old velocity in the new one.
+    """Exponential mean `value` (4,) of the target's change of x, y [px], theta [rad] and ln scale
+    per frame, without the part that the camera's motion causes where that is known. It is 0 at
+    first; `memory`, 0..1, is the weight of the old mean.
     """
 
     def __init__(self, state: State, memory: float) -> None:
@@ -42,7 +43,8 @@ class Velocity:
 
     def jump(self, state: State, size: float) -> float:
         """Return how far a state is from the one that `step` predicted: the distance of the
-        positions over the target's size, or the difference of ln scale, whichever is larger.
+        positions over the target's size, or the difference of ln scale, whichever is larger. The
+        angle does not count.
 
         Args:
             state: The state that was found.
@@ -52,9 +54,13 @@ class Velocity:
         return float(max(np.hypot(x, y) / (size * state.scale), abs(scale)))
 
     def learn(self, state: State, *, seen: bool) -> None:
-        """Update the velocity by the change to `state`, which was found in the next frame, from the
-        state of the last call, moved by the camera's part that `step` was given. If the target is
-        not seen, keep the velocity, but store `state` for the next call.
+        """Update the velocity by the change from the state of the last call, moved by the camera's
+        part that `step` was given, to `state`. If the target was not seen, keep the velocity, but
+        store `state` for the next call.
+
+        Args:
+            state: State that was found in the current frame.
+            seen: True if the target was seen there.
         """
         # A state that was not confirmed would teach the velocity the tracker's own drift.
         if seen:

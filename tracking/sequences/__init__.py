@@ -1,3 +1,3 @@
-"""Pictures from folders, videos, bags, streams and cameras, painted sequences, and the target's
-true place in the pictures.
+"""Pictures from folders, videos, bags (recorded ROS messages), streams and cameras, painted
+sequences, and the target's true corners in the pictures.
 """

@@ -61,7 +61,9 @@ class Topic:
 
     @property
     def has_pictures(self) -> bool:
-        """True if the topic's messages are of a type of pictures that can be decoded."""
+        """True if the topic's messages are of a type of pictures that can be decoded, in an
+        encoding that can be read.
+        """
         return self.kind in KINDS.get(self.serialization, ())
 
 
@@ -79,7 +81,9 @@ class Contents:
 
 
 def is_bag(path: Path) -> bool:
-    """Return True if a path is a bag by its content; False also if it cannot be read."""
+    """Return True if a file or folder is a bag (recorded messages of ROS 1, ROS 2 or MCAP) by its
+    content; False also if it is missing or cannot be read.
+    """
     try:
         folder = path.is_dir()
         with reading.opened(path / INDEX if folder else path, "bag") as file:
@@ -90,18 +94,23 @@ def is_bag(path: Path) -> bool:
 
 
 class Bag:
-    """Source of the pictures of one topic of a bag, with the time stamps of their headers; without
-    such a stamp, with the time at which the message was recorded. Without a `topic` it is the only
-    one with pictures.
+    """Source of the pictures of one topic (named series of messages) of a bag, a file or folder of
+    recorded messages. Pictures have the time stamps of their headers; without such a stamp, the
+    time at which the message was recorded. `topic` None: the only topic with pictures.
     """
 
     end: End | None = None
 
     def __init__(self, path: Path, topic: str | None) -> None:
-        """Open a bag, and choose the topic with a name; None: the only topic with pictures.
+        """Open a bag and choose a topic.
+
+        Args:
+            path: The bag, a file or a folder.
+            topic: Name of the topic; None: the only topic with pictures.
 
         Raises:
-            ValueError: The bag cannot be read, or has no such topic with pictures.
+            ValueError: The bag cannot be read, has no such topic with pictures, or, for None, has
+                several; or the topic has no messages.
         """
         self.path = path
         with _opened(path) as bag:

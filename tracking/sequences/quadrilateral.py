@@ -14,8 +14,9 @@ RECTANGULAR = 0.02
 
 
 def corners_of(numbers: Array) -> Array:
-    """Return the corners (4, 2) of a box (4,) of left, top, width, height [px], clockwise from the
-    top left one; or of their coordinates x1, y1 ... x4, y4 (8,) [px].
+    """Return four corners (4, 2) [px]: those of a box (4,) of left, top, width, height [px],
+    clockwise from the top left one; or, from coordinates x1, y1 ... x4, y4 (8,) [px], these points
+    in their order.
 
     >>> corners_of(np.array([10.0, 20.0, 30.0, 40.0])).tolist()
     [[10.0, 20.0], [40.0, 20.0], [40.0, 60.0], [10.0, 60.0]]
@@ -36,13 +37,15 @@ def boxes(corners: Array) -> Array:
 
 
 def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
-    """Return the region [px] of a target with given corners, and its state in the picture that they
-    are in.
+    """Return the region [px] of a target with given corners in a picture, and its state there.
 
     Args:
         corners: Corners (4, 2) [px] in order around the target, the first edge along its x axis.
         turned: Keep the angle if the corners form a rectangle. Otherwise, and for other
             quadrilaterals, region and state are those of the upright box around the corners.
+
+    Returns:
+        Region and state, whose scale is 1.
     """
     edges = np.roll(corners, -1, axis=0) - corners
     width = np.hypot(*edges[0])

@@ -34,9 +34,9 @@ SEQUENCES = "give a folder with pictures and a truth file, or a folder of such f
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """n pictures with the target's true corners (n, 4, 2) [px], nan where it is absent, its size
-    and state in the first picture, and, if they are known exactly, its true states x, y [px], theta
-    [rad], scale (n, 4).
+    """n pictures of one target: its true corners (n, 4, 2) [px] in each, nan where it is absent;
+    its size and its state in the first picture; and, if they are known exactly, its true states (n,
+    4) of x, y [px], theta [rad], scale, else None.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Sequence:
     def painted(
         name: str, paint: Callable[[int], Image], region: Region, states: Array
     ) -> "Sequence":
-        """Return a sequence of painted pictures.
+        """Return a sequence of painted pictures with the target's exact corners and states.
 
         Args:
             name: Name of the sequence.
@@ -68,7 +68,9 @@ class Sequence:
 
 
 def is_folder(path: Path) -> bool:
-    """Return True if a path is a folder; False also for a name that no file can have."""
+    """Return True if a path is a folder; False also for a path that is missing or that no file can
+    have.
+    """
     return os.path.isdir(path)  # noqa: PTH112 (Path's raises for such a name)
 
 
@@ -78,13 +80,13 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
     Args:
         text: A folder (also in OTB's and VOT's layouts), a video file, a bag (recorded messages of
             ROS or MCAP), the address of a stream, or a camera such as "camera:0".
-        rate: Rate of a folder's pictures [1/s].
+        rate: Rate of a folder's pictures [1/s]; not used for other sources.
         topic: Topic of a bag; None: the only topic with pictures.
 
     Raises:
         ValueError: There is no such source, or it cannot be read; a folder has no pictures; a bag
             has several topics with pictures or none of this name; or a topic is given for another
-            source than a bag.
+            source than a bag. Cameras and streams are opened, and fail, only when they are read.
     """
     path = Path(text)
     is_address = stream.ADDRESS.match(text)
@@ -110,8 +112,8 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
 
 
 def pictures_in(folder: Path) -> Path:
-    """Return the folder with the pictures of a sequence: the sequence's folder itself, or a folder
-    in it such as "img", as in the layouts of OTB and VOT.
+    """Return the folder that has the pictures of a sequence's folder: itself if it has pictures,
+    else a folder in it such as "img", as in the layouts of OTB and VOT; itself if there is none.
 
     Raises:
         ValueError: The folder cannot be read.
@@ -123,9 +125,9 @@ def pictures_in(folder: Path) -> Path:
 
 
 def truths_in(folder: Path) -> list[Path]:
-    """Return the truth files of a sequence's folder, one for each target, sorted by name; an empty
-    list if it has none. For the folder of its pictures, such as "img", the folder above is searched
-    too.
+    """Return the truth files (true outlines of a target) in a sequence's folder, one for each
+    target, sorted by name; an empty list if it has none. For the folder of its pictures, such as
+    "img", the folder above is searched too.
 
     Raises:
         ValueError: The folder cannot be read.
@@ -139,11 +141,11 @@ def truths_in(folder: Path) -> list[Path]:
 
 
 def truth_beside(source: str) -> Path | None:
-    """Return the truth file of a source, which is named as for `source_of`; None if the source is
-    not a folder or has no truth.
+    """Return the truth file (true outlines of the target) of a source of pictures, named as for
+    `source_of`; None if the source is not a folder or has no such file.
 
     Raises:
-        ValueError: The folder has several truth files.
+        ValueError: The folder has several truth files, or cannot be read.
     """
     if source.startswith(CAMERA) or not is_folder(Path(source)):
         return None
@@ -160,14 +162,15 @@ def truth_beside(source: str) -> Path | None:
 def check_truth(
     truth: Array, source: Source, place: str, form: Format, *, start_is_enough: bool = False
 ) -> None:
-    """Check that a truth fits the number and the size of the pictures.
+    """Check that the true outlines of a target, read from a truth file, fit the number and the size
+    of the pictures.
 
     Args:
         truth: True corners (n, 4, 2) of the target [px].
-        source: The pictures.
+        source: The pictures; for `Format.AUTO` the first one is read.
         place: Path of the truth file, for messages.
         form: The format in which the file was read.
-        start_is_enough: Accept a truth of the first picture alone.
+        start_is_enough: Accept an outline in the first picture alone (n = 1).
 
     Raises:
         ValueError: The number of lines is not that of the pictures; or, for `Format.AUTO`, the
@@ -183,8 +186,8 @@ def check_truth(
 
 
 def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
-    """Return the sequences of one folder of pictures, one for each truth file; an empty list
-    without a truth file.
+    """Return the sequences of one folder of pictures, one for each truth file (true outlines of a
+    target); an empty list without a truth file.
 
     Args:
         folder: The folder, also in OTB's and VOT's layouts.
@@ -212,7 +215,8 @@ def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[S
 
 
 def read_all(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
-    """Return the sequences of a folder or, if it is not a sequence, of all folders in it.
+    """Return the sequences (pictures with a target's true outlines) of a folder or, if it has
+    neither pictures nor outlines itself, of all folders in it.
 
     Args:
         folder: The folder; folders in it with neither pictures nor truth are ignored.

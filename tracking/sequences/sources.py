@@ -79,8 +79,8 @@ class End:
 
 
 class Source(Protocol):
-    """Pictures in order. A new iteration begins with the first picture, except for cameras and
-    streams, which can be read only once.
+    """Protocol of a source of pictures, which are iterated in order. A new iteration begins with
+    the first picture, except for cameras and streams, which can be read only once.
     """
 
     @property
@@ -94,14 +94,17 @@ class Source(Protocol):
 
     @property
     def end(self) -> End | None:
-        """Report on the last reading, or on a stream so far; None if all pictures were read."""
+        """Report on missing, dropped or damaged pictures of the last iteration, or of a stream so
+        far; None if all pictures were read.
+        """
 
     def __iter__(self) -> Iterator[Picture]: ...
 
 
 class Times:
-    """Converter of stamps [ns] to times [s]: the first time is 0, and each is later than the last;
-    `rate` is the approximate rate of the pictures [1/s].
+    """Converts the time stamps [ns] of a source's pictures, one after the other, to times since the
+    first one [s], each later than the one before; `rate` is the approximate rate of the pictures
+    [1/s].
     """
 
     def __init__(self, rate: float) -> None:
@@ -137,13 +140,13 @@ class Times:
 
 
 def timed(pictures: Iterable[Picture], rate: float) -> Iterator[Picture]:
-    """Yield pictures with their times since the first one, which follow from their stamps.
+    """Yield pictures with their times since the first one [s], which follow from their stamps.
 
     Pictures that cannot be decoded and have no stamp are spread evenly up to the next picture;
     where none follows, they come at the rate.
 
     Args:
-        pictures: Pictures whose times are not set.
+        pictures: Pictures with stamps, whose `time` is not used.
         rate: Approximate rate of the pictures [1/s].
     """
     times = Times(rate)
@@ -165,8 +168,8 @@ def timed(pictures: Iterable[Picture], rate: float) -> Iterator[Picture]:
 
 
 def images_in(folder: Path) -> list[Path]:
-    """Return the paths of a folder's image files, sorted by name, numbers in names by value; hidden
-    files such as those of macOS are left out.
+    """Return the paths of a folder's image files, sorted by name with the numbers in names by
+    value; hidden files such as those of macOS are left out. An empty list: there are none.
 
     Raises:
         ValueError: The folder cannot be read.
@@ -180,8 +183,8 @@ def images_in(folder: Path) -> list[Path]:
 
 @dataclass(frozen=True, slots=True)
 class Folder:
-    """Source of the image files of a folder, sorted by name, numbers in names by value, at a rate
-    [1/s]; `notes` has sentences for the user.
+    """Source of the image files of a folder, in the order of `files`, at a rate [1/s]; `notes` has
+    sentences for the user, `end` is always None.
     """
 
     files: tuple[Path, ...]
@@ -193,8 +196,9 @@ class Folder:
 
     @staticmethod
     def of(folder: Path, rate: float = RATE) -> "Folder":
-        """Return the source of a folder's images at a rate [1/s]. If more than half of the names
-        have numbers, files without a number are left out.
+        """Return the source of a folder's images at a rate [1/s], sorted by name with the numbers
+        in names by value. If more than half of the names have numbers, files without a number are
+        left out.
 
         Raises:
             ValueError: The folder has no images, or cannot be read.
@@ -257,8 +261,8 @@ def _gaps(files: Sequence[Path]) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class PaintedSource:
-    """Source of `count` pictures, RGB (H, W, 3), that a function paints by their numbers; the first
-    is 0.
+    """Source of `count` pictures, RGB (H, W, 3), that the function `paint` returns for the numbers
+    0 to count - 1; they come at `rate` [1/s], and `end` is always None.
     """
 
     paint: Callable[[int], Image]

@@ -60,7 +60,7 @@ WAKE = 0.1
 
 
 class SourceLost(Exception):
-    """Error: a camera or stream cannot be opened, or broke off; the message is the reason."""
+    """Error: a camera or stream cannot be opened, or broke off; its text is the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +80,9 @@ class Feed:
 
 
 class LiveSource:
-    """Source of the pictures of a camera or stream, which can be read only once; its iteration
-    opens the source by `opened`, and raises ValueError if no picture comes. `name` is used in
-    messages.
+    """Source of the pictures of a camera or stream, which can be read only once. An iteration opens
+    it by `opened` in a thread, yields the newest picture each time, and raises ValueError if there
+    is none. `name` begins messages.
     """
 
     count: int | None = None
@@ -187,15 +187,15 @@ def shown(address: str) -> str:
 
 
 def stream(address: str) -> LiveSource:
-    """Return the source of a stream by its address, such as "rtsp://HOST/PATH"; it is opened when
-    its pictures are iterated.
+    """Return the source of the pictures of a stream by its address, such as "rtsp://HOST/PATH"; the
+    stream is opened when they are iterated.
     """
     return LiveSource(shown(address), lambda: _stream(address))
 
 
 def camera(number: int) -> LiveSource:
-    """Return the source of a camera of this machine by its number; the first camera is 0. It is
-    opened when its pictures are iterated.
+    """Return the source of the pictures of a camera of this machine by its number, from 0 on; the
+    camera is opened when they are iterated.
     """
     return LiveSource(f"camera:{number}", lambda: _camera(number))
 

@@ -48,7 +48,9 @@ REMEDY = (
 
 
 class Format(Enum):
-    """Format of a truth file; the value of each member is the meaning of a line's numbers."""
+    """Format of a truth file (the target's true outline in each picture); the value of each member
+    says what the numbers of a line mean.
+    """
 
     AUTO = "decided by the file's name and header, refused if they do not decide"
     OTB = "x,y,w,h, pixels counted from 1; also GOT-10k's and LaSOT's"
@@ -70,7 +72,9 @@ class Format(Enum):
 
 
 def other_count(place: str, lines: int, pictures: int) -> str:
-    """Return the message about a truth file `place` with more or fewer lines than pictures."""
+    """Return the message that the truth file `place` has `lines` lines for another number
+    `pictures` of pictures.
+    """
     return (
         f"{place}: this truth has {lines} lines for {pictures} pictures; it needs one for each, "
         "with nan where the target is absent"
@@ -78,19 +82,19 @@ def other_count(place: str, lines: int, pictures: int) -> str:
 
 
 def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Array:
-    """Return the target's corners (n, 4, 2) in each picture [px], from the picture's top left
-    corner: those of a box clockwise from its top left one, others in the file's order; nan in
+    """Return the target's true corners (n, 4, 2) [px] in each of n pictures, from the picture's top
+    left corner: those of a box clockwise from its top left one, others in the file's order; nan in
     pictures without the target.
 
     The target is absent if all numbers of a line are nan or missing, if the line is VOT's 0, if its
     box has width and height 0, and, in LaSOT's layout, in the frames that two other files mark.
 
     Args:
-        path: The truth file.
+        path: The truth file, with a line for each picture.
         form: The format. AUTO means CSV for a file with a header, OTB for groundtruth_rect*.txt and
-            in GOT-10k's and LaSOT's layouts, VOT for other groundtruth*.txt, TLD for gt.txt and
-            init.txt; a file of another name is read as VOT, unless its lines of four numbers could
-            also be TLD.
+            in GOT-10k's and LaSOT's layouts, VOT for other groundtruth*.txt and for lines of eight
+            numbers, TLD for gt.txt and init.txt; a file of another name is read as VOT, unless all
+            its lines of four numbers could also be TLD.
         count: Number of pictures; a truth of many more lines is not parsed. None: unknown.
 
     Raises:
@@ -123,8 +127,8 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
 
 
 def has_masks(path: Path) -> bool:
-    """Return True if a truth file begins with a mask of VOT, which `read` replaces by the box
-    around it.
+    """Return True if a truth file (true outlines of a target) begins with a mask of VOT, the pixels
+    of the target; `read` replaces a mask by the box around it.
 
     Raises:
         ValueError: The file cannot be read.
@@ -178,7 +182,9 @@ def _marked_absent(path: Path, count: int) -> NDArray[np.bool_]:
 
 
 def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
-    """Check that boxes do not leave the picture where two corners (TLD) would fit into it.
+    """Check whether a truth file was read in the wrong format: as boxes x,y,w,h, of which some end
+    outside the picture, though its numbers could be two corners x1,y1,x2,y2 (TLD) inside the
+    picture.
 
     Args:
         corners: True corners (n, 4, 2) of the target [px], nan in frames without it.

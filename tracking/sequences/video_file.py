@@ -90,8 +90,9 @@ class Video:
         raise ValueError(f"{path}: {reason}")
 
     def times(self) -> Array:
-        """Return the times (n,) of the frames since the first one [s], by their packets' stamps,
-        without decoding; evenly spaced if the file has no stamps.
+        """Return the times (n,) [s] of the n frames since the first one, in the order in which they
+        are shown, by the time stamps in the file and without decoding; evenly spaced if stamps are
+        missing.
 
         Raises:
             ValueError: The file cannot be read.
@@ -228,8 +229,8 @@ Printed = list[tuple[int, str, str]]
 
 @contextmanager
 def printed_by_ffmpeg() -> Generator[Printed]:
-    """Context manager: collect the errors that FFmpeg prints during the block, in a list that is
-    filled as they come.
+    """Context manager: collect the errors that FFmpeg prints during the block. Its value is a list
+    of (level, name of the part of FFmpeg, text), which grows as they come.
     """
     level = av.logging.get_level()
     skips = av.logging.get_skip_repeated()

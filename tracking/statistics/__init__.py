@@ -1,1 +1,1 @@
-"""Statistics of comparisons: intervals, tests, and the verdicts that follow."""
+"""Statistics of comparisons of methods: confidence intervals, tests, and verdicts on claims."""

@@ -1,5 +1,5 @@
-"""Statistics of comparisons: McNemar's test, intervals of means and of differences of shares, their
-cells in tables, and Holm's correction.
+"""Statistics of comparisons of methods: McNemar's test, confidence intervals of means and of
+differences of shares, their cells in tables, and Holm's correction.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -135,20 +135,20 @@ def mean_percent(shares: Array) -> Interval:
 
 
 def in_percent(share: Interval) -> Interval:
-    """Return the interval of a share, 0 to 1, in percent."""
+    """Return an interval of a share, 0 to 1, in percent: value and both ends times 100."""
     return replace(share, value=100 * share.value, low=100 * share.low, high=100 * share.high)
 
 
 def difference_of_shares(first: Array, second: Array) -> Interval:
-    """Return the share of successes of the first minus that of the second, with its 95 % interval,
-    whose ends are nan for a single repetition.
+    """Return the share of successes of the first of two methods minus that of the second, -1 to 1,
+    with its 95 % interval, whose ends are nan for a single repetition.
 
     Bonett and Price, Adjusted Wald confidence interval for a difference of binomial proportions
     based on paired data, 2012.
 
     Args:
-        first: Successes (n,) of the first on n repetitions, at least one, 0 or 1.
-        second: Successes (n,) of the second on the same repetitions, 0 or 1.
+        first: Successes (n,) of the first method on n repetitions, at least one, 0 or 1.
+        second: Successes (n,) of the second method on the same repetitions, 0 or 1.
     """
     count = len(first)
     only = np.array([np.sum(first > second), np.sum(first < second)])
@@ -185,8 +185,9 @@ def _share(share: float, count: int) -> Interval:
 
 
 def clopper_pearson(successes: int, count: int) -> Interval:
-    """Return the share of successes in `count` independent repetitions, with an interval that
-    covers at least 95 %: Clopper and Pearson, The use of confidence or fiducial limits, 1934.
+    """Return the share, 0 to 1, of successes in `count` independent repetitions, at least one, with
+    an interval that covers the true share in at least 95 % of cases (Clopper and Pearson, The use
+    of confidence or fiducial limits, 1934).
 
     >>> clopper_pearson(20, 20).low.__round__(3)
     0.832
@@ -234,9 +235,13 @@ def pairs_of(
 ) -> list[tuple[Name, Name, McNemar, float]]:
     """Compare every two methods of a list by McNemar's test.
 
+    Args:
+        names: The methods.
+        compare: Function that returns the test of two of them.
+
     Returns:
-        The earlier method, the later one, their test, and its p value, which is corrected for the
-        number of pairs (Holm).
+        For each pair: the method that is earlier in the list, the later one, their test, and its p
+        value, corrected for the number of pairs (Holm).
     """
     pairs = list(combinations(names, 2))
     tests = [compare(first, second) for first, second in pairs]

@@ -16,8 +16,9 @@ class Finding(Enum):
 
 
 def not_worse(difference: Interval, margin: float) -> Finding:
-    """Return the verdict whether the first of two methods is as good as the second up to a margin:
-    a test of non-inferiority.
+    """Return the verdict on the claim that the first of two methods is as good as the second up to
+    a margin, by the confidence interval of their difference (test of non-inferiority): it holds if
+    the interval is below the margin, does not hold if it is above, and is else undecided.
 
     Piaggio and others, Reporting of noninferiority and equivalence randomized trials, 2012.
 
@@ -32,8 +33,9 @@ def not_worse(difference: Interval, margin: float) -> Finding:
 
 
 def greater(value: Interval, bound: float) -> Finding:
-    """Return the verdict whether a value is above a bound, by its confidence interval: a test of
-    superiority. The bound for a difference is 0.
+    """Return the verdict on the claim that a value is above a bound, by its confidence interval
+    (test of superiority): it holds if the interval is above the bound, does not hold if it is
+    below, and is else undecided.
 
     >>> greater(Interval(0.4, 0.1, 0.7), 0.0).name
     'HOLDS'

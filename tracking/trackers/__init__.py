@@ -28,8 +28,8 @@ def _adapted(found: object) -> type[Any] | None:
 
 
 def general_kinds() -> list[str]:
-    """Return the kinds of the trackers meant by "all trackers": those that follow any target by
-    pictures alone, and need no program or model of the user.
+    """Return the kinds (names) of the trackers meant by "all trackers": those that can follow any
+    target by pictures and the camera's motion alone, and need no program or model file of the user.
     """
     from tracking.types import Trait, follows_any_target, traits_of
 

@@ -24,22 +24,24 @@ class Config:
     traits = frozenset({Trait.COLOUR})
 
     def build(self, rng: np.random.Generator) -> "Camshift":
-        """Return the tracker; uses no random numbers."""
+        """Return a new tracker; `rng` is not used."""
         return Camshift()
 
 
 @final
 class Camshift(HueTracker):
-    """Tracker by OpenCV's CamShift: position and size follow the moments of the hue
-    back-projection, and the angle stays as it was first; the hue histogram gives the status.
+    """Tracker by OpenCV's CamShift: centre and size are those of an ellipse fitted to the pixels
+    with the target's hues, the angle keeps its first value, and the distance of the hue histogram
+    there decides the status.
     """
 
     follows = (False, True)
     _box: tuple[int, int, int, int] = SET_BY_START
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the hue histogram, and fit CamShift's first ellipse, with whose area later ones are
-        compared for the size.
+        """Learn the target's hue histogram from the first frame, in which it is the rectangle
+        `region` [px] at `state`, and fit a first ellipse: the size in later frames is relative to
+        its area.
 
         Raises:
             ValueError: A side of the region is shorter than 4 px, or most of it is outside the

@@ -19,14 +19,15 @@ class Config:
     traits = frozenset({Trait.COLOUR})
 
     def build(self, rng: np.random.Generator) -> "CvMeanShift":
-        """Return the tracker; uses no random numbers."""
+        """Return a new tracker; `rng` is not used."""
         return CvMeanShift()
 
 
 @final
 class CvMeanShift(HueTracker):
-    """Tracker with a box of fixed size, moved by OpenCV's meanShift to the mode of the hue
-    back-projection; the hue histogram there gives its status.
+    """Tracker by OpenCV's meanShift: an upright box of fixed size moves to where most pixels have
+    the target's hues; the distance of the hue histogram there decides the status. Angle and size
+    keep their first values.
     """
 
     def _found(self, frame: Frame, ego: Array | None) -> State:

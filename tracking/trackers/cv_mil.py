@@ -27,14 +27,15 @@ class Config:
     traits = frozenset({Trait.TEXTURE})
 
     def build(self, rng: np.random.Generator) -> "CvMil":
-        """Return the tracker; OpenCV's own random state is seeded from the generator."""
+        """Return a new tracker. A seed for OpenCV's own random numbers is drawn from `rng`."""
         return CvMil(int(rng.integers(1 << SEED_BITS)))
 
 
 @final
 class CvMil(HueTracker):
-    """Tracker with a box of fixed size, found by OpenCV's online boosted classifier, whose random
-    numbers have the seed `seed`; a hue histogram gives its status.
+    """Tracker by OpenCV's TrackerMIL, an online boosted classifier with the random seed `seed`: it
+    finds an upright box of fixed size, and the distance of the hue histogram there decides the
+    status. Angle and size keep their first values.
     """
 
     _mil: Cv2Tracker = SET_BY_START
@@ -43,7 +44,8 @@ class CvMil(HueTracker):
         self._seed = seed
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the hue histogram, and train the classifier.
+        """Learn the target's hue histogram and train OpenCV's classifier on the first frame, in
+        which the target is the rectangle `region` [px] at `state`.
 
         Raises:
             ValueError: The region is too small for OpenCV's tracker, or most of it is outside the

@@ -1,5 +1,5 @@
 """Tracker that does not look at the pictures: it reports the first state, moved by the camera's
-motion with `run.ego`. It is the baseline of all trackers.
+motion if that is given (setting `run.ego`). It is the baseline of all trackers.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Config:
     traits = frozenset[Trait]()
 
     def build(self, rng: np.random.Generator) -> "Frozen":
-        """Return the tracker; uses no random numbers."""
+        """Return a new tracker; `rng` is not used."""
         return Frozen()
 
 
@@ -40,8 +40,8 @@ class Frozen:
     _state: State = SET_BY_START
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Store the first state; `update` reports it, moved by the camera's motion if that is
-        given.
+        """Store the target's state in the first frame, which `update` reports; the picture is not
+        used.
 
         Raises:
             ValueError: A side of the region is shorter than 4 px, or most of it is outside the
@@ -51,8 +51,9 @@ class Frozen:
         self._state = state
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the last state, moved by the camera's motion (`ego`) if that is given; always
-        UNSURE.
+        """Return an estimate with the last state, plus the change `ego` (4,) of x, y [px], theta
+        [rad] and ln scale that the camera's motion causes, if it is given. The status is always
+        UNSURE, the distance 1, and the covariance nan; `frame` is not used.
         """
         self._state = self._state.moved(ego)
         return Estimate(

@@ -87,16 +87,17 @@ class Config:
     traits = frozenset({Trait.TEXTURE, Trait.CORNERS})
 
     def build(self, rng: np.random.Generator) -> "Homography":
-        """Return the tracker, which draws from the generator the states from which it searches a
-        lost target.
+        """Return a new tracker. When it has lost its target, it searches from states that it draws
+        from `rng`.
         """
         return Homography(rng)
 
 
 @final
 class Homography:
-    """Tracker of a textured plane: in each frame it aligns a coarse template of the target, and
-    then the full one. A lost target is also searched from states that `rng` draws.
+    """Tracker of a textured plane with eight degrees of freedom (a homography): in each frame it
+    aligns the target's first picture with the frame, first with few points, then with many. A
+    target that is not seen is also searched from states that `rng` draws around its last one.
     """
 
     _velocity: Velocity = SET_BY_START
@@ -105,8 +106,10 @@ class Homography:
         self._rng = rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the template, the target's brightness in the first picture; a target without
-        texture is reported as not seen in all later pictures.
+        """Learn the template: the brightness of the target in the first frame, in which it is the
+        rectangle `region` [px] at `state`, or has the corners `region.quad`. A target without
+        texture, with a standard deviation below 3 grey levels, is reported as not seen in all later
+        frames.
 
         Raises:
             ValueError: A side of the region is shorter than 4 px, or most of it is outside the
@@ -127,9 +130,9 @@ class Homography:
         self._has_texture = inside.size > 0 and bool(np.std(inside) >= LEAST_CONTRAST)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the estimate from the alignment of the template with a frame, begun at the
-        predicted corners; a target that is not seen keeps its last corners, moved by `ego`, around
-        which the next frame is searched.
+        """Return the estimate, with corners, from the alignment of the template with the next
+        frame; it begins at the predicted corners. A target that is not seen keeps its last corners,
+        moved by `ego`, and is searched around them in the next frame.
 
         Args:
             frame: The next frame.

@@ -1,5 +1,5 @@
-"""Tracker: hybrid of Condensation and mean shift, in which every particle climbs (Maggio and
-Cavallaro 2005).
+"""Tracker: hybrid of Condensation and mean shift, in which every particle moves to a local maximum
+of the similarity to the target before it is weighed (Maggio and Cavallaro 2005).
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """Tracker: kernel annealed mean shift (Naeem, Pridmore, Mills).
 
-In each layer of an annealed particle filter every particle climbs to the nearest mode before it is
-weighed.
+In each layer of an annealed particle filter every particle moves by mean shift to a local maximum
+of the similarity to the target before it is weighed.
 """
 
 from dataclasses import dataclass

@@ -38,9 +38,10 @@ PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
 
 @dataclass(frozen=True, slots=True)
 class Climb:
-    """Choices in which the searches by mean shift (climbs) differ: largest number of histograms
-    read in one climb (`steps`), whether the size is followed, and the confidence, 0..1, below which
-    eight more climbs begin around the target.
+    """Choices in which trackers by mean shift differ: the largest number of histograms read in one
+    search (climb), `steps`; whether the size is followed, `scale`; and the confidence 1 - d, 0..1,
+    with d the distance from the target's histogram, below which eight more searches begin around
+    the target.
     """
 
     steps: int = 20
@@ -66,12 +67,13 @@ class ClimbSettings(AppearanceSettings):
     @property
     @abstractmethod
     def climb(self) -> Climb:
-        """Most histograms read in one climb, whether the size is followed, and the confidence,
-        0..1, below which eight more climbs begin around the target.
+        """Choices of this tracker: most histograms read in one search by mean shift (climb),
+        whether the size is followed, and the confidence, 0..1, below which eight more climbs begin
+        around the target.
         """
 
     def build(self, rng: np.random.Generator) -> "MeanShift":
-        """Return the tracker; uses no random numbers."""
+        """Return a new mean-shift tracker with these settings; `rng` is not used."""
         return MeanShift(self)
 
 
@@ -97,7 +99,10 @@ class Config(ClimbSettings):
 
 @final
 class MeanShift:
-    """Tracker that climbs by mean shift from the predicted state in each frame."""
+    """Tracker that in each frame moves from the predicted state to a local maximum of the
+    similarity to the target's histogram by mean shift (a climb). The angle keeps its first value;
+    the size does, too, unless `settings.climb.scale` is True.
+    """
 
     _model: SampledModel = SET_BY_START
 
@@ -106,7 +111,8 @@ class MeanShift:
         self._climb = settings.climb
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the target's histogram.
+        """Learn the target's histogram from the first frame, in which it is the rectangle `region`
+        [px] at `state`.
 
         Raises:
             ValueError: A side of the region is shorter than 4 px, or most of it is outside the
@@ -120,11 +126,13 @@ class MeanShift:
         self._velocity = Velocity(state, self._settings.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Climb from the predicted state and, if the best confidence is below `Climb.confidence`,
-        also from eight places around the state; return the best end as the estimate.
+        """Return the estimate for the next frame: the best end of a search by mean shift (climb)
+        from the predicted state and, if its confidence is below `Climb.confidence`, of eight more
+        from places around that state.
 
-        If the size is followed, the estimate's size goes only a tenth of the way from the predicted
-        size to that of the best end.
+        If the size is followed, climbs also begin at sizes 10 % smaller and larger, and the
+        estimate's size goes a tenth of the way, in ln scale, from the predicted size to that of the
+        best end.
 
         Args:
             frame: The next frame.

@@ -54,14 +54,15 @@ class Config:
     traits = frozenset({Trait.COLOUR, Trait.ANGLE})
 
     def build(self, rng: np.random.Generator) -> "MkSsd":
-        """Return the tracker; uses no random numbers."""
+        """Return a new tracker with these settings; `rng` is not used."""
         return MkSsd(self)
 
 
 @final
 class MkSsd:
-    """Tracker that finds the target by one Newton descent from the predicted state in each frame; a
-    hidden target is expected at its last state, moved by the camera's motion if that is given.
+    """Tracker that finds the target by one Newton descent on histograms from the predicted state in
+    each frame. A target that was not seen is expected at its last state, moved by the camera's
+    motion if that is given.
     """
 
     _velocity: Velocity = SET_BY_START
@@ -70,8 +71,9 @@ class MkSsd:
         self._config = config
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the histograms of the target's kernels, and whether they show its angle; else the
-        angle is not followed.
+        """Learn the target's histograms under nine kernels from the first frame, in which it is the
+        rectangle `region` [px] at `state`. If turning the target hardly changes them, its angle is
+        not followed.
 
         Raises:
             ValueError: A side of the region is shorter than 4 px, or most of it is outside the
@@ -88,8 +90,8 @@ class MkSsd:
         self._velocity = Velocity(state, c.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the end of Newton's descent from the predicted state; the last state, moved by
-        `ego`, where the target is not seen.
+        """Return the estimate for the next frame: the end of Newton's descent from the predicted
+        state or, where the target is not seen there, the last state moved by `ego`.
 
         Args:
             frame: The next frame.

@@ -27,7 +27,8 @@ class Config(GuestSettings):
     kernel_cls1, kernel_r1)."""
 
     def guest(self, seed: int) -> TimedGuest:
-        """Return the tracker, with its networks loaded; OpenCV's own random state is seeded.
+        """Return OpenCV's tracker with its networks loaded, in a thread of its own; `seed` seeds
+        the random numbers of OpenCV and of the C library in the whole process.
 
         Raises:
             ValueError: OpenCV has no such tracker, the tracker needs another number of model files,

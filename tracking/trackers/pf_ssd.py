@@ -88,22 +88,24 @@ class Config(SimilaritySettings):
 
     def model(self, image: Image, region: Region, state: State) -> SampledModel:
         """Return the reference histograms by which particles are weighed, learnt from the first
-        picture, RGB (H, W, 3), with the target at `state`. The setting `inset` is ignored, as it is
-        for the descent's kernels only: particles are also weighed by how unlike the whole target
-        the ring around their region is.
+        picture, RGB (H, W, 3), in which the target is the rectangle `region` [px] at `state`. The
+        setting `inset` is not used, as it is for the descent's kernels only: particles are also
+        weighed by how unlike the whole target the ring around their region is.
         """
         return SampledModel(image, region, state, replace(self, inset=0.0))
 
     def build(self, rng: np.random.Generator) -> ParticleTracker:
-        """Return the tracker; its samples are drawn from the generator."""
+        """Return a new tracker with these settings, which draws its particles from `rng`."""
         return PfSsd(self, rng)
 
 
 @final
 class PfSsd(ParticleTracker):
-    """Particle filter whose estimate is refined by Newton's descent; the filter's mean is the
-    estimate where its histograms' distance exceeds `occluded`, the descent moves farther than
-    `trust` allows, or the target is not seen at the descent's end.
+    """Particle filter whose mean is refined by Newton's descent on histograms. Without the settings
+    `views` and `witness`, it reports the descent's end if the target is seen there, and else the
+    mean of the particles; with one of them, whichever of both is more like the learnt appearance.
+    There is no descent where the mean's distance exceeds `occluded`, and an end farther away than
+    `trust` is not used.
     """
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
@@ -111,7 +113,8 @@ class PfSsd(ParticleTracker):
         self._config = config
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the histograms of particles and kernels, and put all particles on the target.
+        """Learn the target's histograms for particles and descent from the first frame, in which it
+        is the rectangle `region` [px] at `state`, and put all particles on this state.
 
         Raises:
             ValueError: A side of the region is shorter than 4 px, or most of it is outside the

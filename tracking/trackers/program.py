@@ -13,7 +13,8 @@ class Config(ProcessSettings):
     """
 
     def guest(self, seed: int) -> ProgramClient:
-        """Start the program, send it the seed of its random numbers, and return the connection.
+        """Start the program, send it the seed of its random numbers, wait for its first answer, and
+        return the connection to it.
 
         Raises:
             ValueError: The program does not start, or its first answer is missing or not valid.

@@ -2,8 +2,8 @@
 it is unsure.
 
 If the confidence 1 - d falls below a threshold T, with d the distance of the histograms, eight more
-climbs begin on a ring at twice the target's radius, so that the nine kernels cover nine times its
-area; the best of nine is the target.
+searches by mean shift begin on a ring at twice the target's radius, so that the nine kernels cover
+nine times its area; the best of the nine ends is the target.
 """
 
 from dataclasses import dataclass

@@ -34,14 +34,15 @@ class Config:
     traits = frozenset({Trait.MARKER, Trait.CORNERS})
 
     def build(self, rng: np.random.Generator) -> "Tag":
-        """Return the tracker; uses no random numbers."""
+        """Return a new tracker; `rng` is not used."""
         return Tag()
 
 
 @final
 class Tag:
-    """Tracker of the tag nearest to the region: it reports the region's corners, which are fixed in
-    the tag's plane.
+    """Tracker of an AprilTag 36h11, the one nearest to the region in the first picture. It reports
+    the region's corners, which stay where they were in the tag's plane; with the tag not found it
+    is LOST.
     """
 
     _state: State = SET_BY_START
@@ -50,8 +51,9 @@ class Tag:
         self._detector = TagDetector()
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Find the tag nearest to the region, and record the region's corners in the tag's plane;
-        those of the black square if the region is this square up to noise.
+        """Find the tag nearest to the centre of the region in the first frame, and store the
+        region's corners in the tag's plane; if they are nearly those of the tag's black square
+        (within a tenth of its side), those of the square.
 
         Raises:
             ValueError: The region is not valid, or no tag is seen.
@@ -70,8 +72,12 @@ class Tag:
         self._rectangle = _or_square(_in_plane(self._seen, region, state))
 
     def outline(self, frame: Frame, region: Region, state: State) -> tuple[Region, State]:
-        """Return the black square of the tag nearest to a region, as a region and its state; the
-        given region and state if they are that square up to noise, or if no tag is seen.
+        """Return the black square of the tag nearest to a region in the first frame, as a region
+        [px] and its state; the given region and state if they are that square within a tenth of its
+        side, or if no tag is seen.
+
+        Raises:
+            ValueError: The region is not valid.
         """
         check_region(frame, region, state)
         found = self._detector.nearest(frame.image, np.array([state.x, state.y]))
@@ -83,8 +89,8 @@ class Tag:
         return square, state_of(corners, square, state)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the estimate from the tag's corners; where the tag is not found, the last state,
-        moved by `ego`, as LOST.
+        """Return the estimate for the next frame, LOCKED, from the tag's corners; where the tag is
+        not found, the last state, moved by `ego`, as LOST.
 
         Args:
             frame: The next frame.

@@ -13,10 +13,11 @@ class Config(ProcessSettings):
     """
 
     def guest(self, seed: int) -> TraxClient:
-        """Start the server and return the connection; TraX has no message for a seed, which is not
-        used.
+        """Start the TraX server, wait for its first message, and return the connection to it.
+        `seed` is not used, because TraX has no message for it.
 
         Raises:
-            ValueError: The server does not start, sends no hello, or does not accept our messages.
+            ValueError: The server does not start, sends no hello (first message), or does not
+                accept our messages.
         """
         return TraxClient(self.command, self.timeout, self.loading)

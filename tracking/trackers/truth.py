@@ -43,18 +43,21 @@ class Config:
 
     @property
     def traits(self) -> Traits:
-        """Traits of the tracker: CORNERS if it reports corners, otherwise none."""
+        """Set of the tracker's properties (`Trait`): CORNERS if it reports corners, otherwise
+        empty.
+        """
         return frozenset({Trait.CORNERS}) if self.corners else frozenset()
 
     def build(self, rng: np.random.Generator) -> "TruthTracker":
-        """Return the tracker, which draws its errors from the generator."""
+        """Return a new tracker with these settings, which draws errors and dropouts from `rng`."""
         return TruthTracker(self, rng)
 
 
 @final
 class TruthTracker:
-    """An ideal tracker: the true state, which `see` is given, with noise and dropouts drawn from
-    `rng`; LOST outside the picture.
+    """An ideal tracker for simulations: it reports the true state, which the simulation passes to
+    `see`, with noise and dropouts drawn from `rng`; LOST where the target's centre is outside the
+    picture.
     """
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
@@ -63,15 +66,17 @@ class TruthTracker:
         self._truth: Truth | None = None
 
     def see(self, view: View) -> None:
-        """Store the true state of the target in the next frame, which the simulation provides."""
+        """Store the target's true state in the next frame (`view.truth`), for the next call of
+        `start` or `update`; None outside a simulation.
+        """
         self._truth = view.truth
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Store the true size of the target in the first picture, which counts as scale 1 from then
-        on.
+        """Store the target's true size in the first frame, which counts as scale 1 from then on,
+        and `state`, which is reported until the target is seen. Frame and region are not used.
 
         Raises:
-            ValueError: The true state is not given, as outside a simulation.
+            ValueError: `see` was not given a true state, as outside a simulation.
         """
         if self._truth is None:
             raise ValueError(NO_TRUTH)
@@ -79,12 +84,18 @@ class TruthTracker:
         self._state = state
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the true state with drawn errors, as LOCKED. In a dropout, or if the noise leaves
-        no outline of the corners (UNSURE), or with the target outside the picture (LOST), return
-        the last state, moved by the camera's motion if that is given.
+        """Return the true state with drawn errors, LOCKED, and with the covariance of these errors.
+        In a dropout, or if the corners with noise are no convex outline (UNSURE), or with the
+        target's centre outside the picture (LOST), return the last state, moved by `ego` if it is
+        given.
+
+        Args:
+            frame: The next frame; only its size is used.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale since the last frame that the
+                camera's own motion causes; None if it is unknown.
 
         Raises:
-            ValueError: The true state is not given, as outside a simulation.
+            ValueError: `see` was not given a true state, as outside a simulation.
         """
         if self._truth is None:
             raise ValueError(NO_TRUTH)

@@ -1,4 +1,6 @@
-"""Package of the kinds of painted (synthetic) sequences with exact truth, one module each."""
+"""Package of the kinds of painted (synthetic) sequences, one module each. The target's corners and
+states in their pictures are known exactly.
+"""
 
 from __future__ import annotations
 

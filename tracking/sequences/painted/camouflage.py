@@ -1,7 +1,7 @@
 """Painted sequence: camouflage, a car in the colours of the ground, which only its finer texture
 shows.
 
-For the claim of the PFJCTH paper that colour and texture together follow a target that neither
+It tests the claim of the PFJCTH paper that colour and texture together follow a target that neither
 follows alone. Gravel in another colour, with the car's texture, lies on the ground. Motion, sizes
 and noise are those of `texture`.
 """

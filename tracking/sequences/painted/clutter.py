@@ -63,7 +63,9 @@ class Config:
     """The background's discs have all four colours of the target, in another order."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """Return a painted sequence with these settings, drawn from the generator."""
+        """Return a new sequence of painted pictures with the target's exact states, whose random
+        numbers come from `rng`.
+        """
         sigma, count, shared = LEVELS[self.level]
         colours = _apart(rng)
         ground = _ground(rng, colours, count, SECTORS if self.share_all else shared)

@@ -1,10 +1,10 @@
 """Painted sequence: similarity, in which a textured rectangle moves, turns, scales, blurs and is
 hidden, over clutter.
 
-For the claims of the multi-kernel paper (figures 6 and 7): x, y, theta and scale are known exactly.
-The rectangle, 60 x 40 px with three by three coloured fields, follows smooth curves, with motion
-blur. In the middle of the sequence its speed doubles; later a bar hides it completely. As a
-setting, it leaves the picture for a while.
+It tests the claims of the multi-kernel paper (figures 6 and 7): x, y, theta and scale are known
+exactly. The rectangle, 60 x 40 px with three by three coloured fields, follows smooth curves, with
+motion blur. In the middle of the sequence its speed doubles; later a bar hides it completely. With
+the setting `away` it leaves the picture for a while.
 """
 
 from dataclasses import dataclass
@@ -62,7 +62,9 @@ class Config:
     """Standard deviation of the noise of the pictures [grey levels]."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """Return a painted sequence with these settings, drawn from the generator."""
+        """Return a new sequence of painted pictures with the target's exact states, whose random
+        numbers come from `rng`. Its true corners are nan where the target is out of the picture.
+        """
         ground = _ground(rng)
         patch = _target(rng)
         fine = self._states(rng)

@@ -1,7 +1,7 @@
 """Painted sequence: texture, in which a textured car on a road of the same colour changes its size
 and its speed.
 
-For the claim of the PFJCTH paper that texture separates such a target from the background, and
+It tests the claim of the PFJCTH paper that texture separates such a target from the background, and
 colour alone does not. The car, 56 x 32 px, follows a smooth curve with changing speed; its size
 grows and shrinks as if its distance changed.
 """
@@ -47,7 +47,9 @@ class Config:
     """Standard deviation of the noise of the pictures [grey levels]."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """Return a painted sequence with these settings, drawn from the generator."""
+        """Return a new sequence of painted pictures with the target's exact states, whose random
+        numbers come from `rng`.
+        """
         ground, patch = self._paint(rng)
         states = self._states(rng)
         noise_seed = int(rng.integers(1 << 31))
