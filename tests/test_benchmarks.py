@@ -654,11 +654,6 @@ def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):
         ),
         ("clutter --band v1", "'clutter' is not one of 'loop-v1', 'servo-v1', 'goal-v1'"),
         (
-            "goal-v1 --band v1",
-            "goal-v1 is a draft, whose conditions may still change: only its worlds to tune on can "
-            "be run: leave --band v1, --sealed and --submit out",
-        ),
-        (
             "goal-v1 --law pose",
             "'pose' cannot take part, because it does not use the picture at the goal",
         ),
@@ -670,6 +665,20 @@ def test_wrong_options_end_in_a_sentence(monkeypatch, capfd, tmp_path, arguments
     code, _, err = call(monkeypatch, capfd, "benchmark", *arguments.split())
     assert code == 2
     assert sentence in err
+
+
+@pytest.mark.parametrize("words", ["--band v1", "--sealed x", "--submit x.json"])
+def test_only_the_worlds_to_tune_on_of_a_draft_can_be_run(monkeypatch, capfd, words):
+    draft = replace(load("goal-v1"), frozen={})
+    assert draft.is_draft
+    assert not load("goal-v1").is_draft
+    monkeypatch.setattr(benchmark_command, "load", lambda name: draft)
+    code, _, err = call(monkeypatch, capfd, "benchmark", "goal-v1", *words.split())
+    assert (code, err) == (
+        2,
+        "servobench: goal-v1 is a draft, whose conditions may still change: only its worlds to tune "
+        "on can be run: leave --band v1, --sealed and --submit out\n",
+    )
 
 
 def test_rows_and_their_parts_are_made_of_all_worlds():

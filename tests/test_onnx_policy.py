@@ -75,12 +75,42 @@ def test_a_network_may_take_the_picture_alone(tmp_path):
     check_controller(servo.load("line", settings).controller)
 
 
+def test_it_is_given_camera_pose_and_depth_since_the_first_picture(tmp_path):
+    path = tmp_path / "p.onnx"
+    shapes = {"camera": (1, 4), "pose": (1, 12), "depth": (1, 1), "joints": (1, 6)}
+    shares = {name: np.zeros((shape[1], 6)) for name, shape in shapes.items()}
+    shares["camera"][:, 0] = [1e-4, 2e-4, 3e-4, 5e-4]
+    shares["pose"][9:, 1:4] = np.eye(3)
+    shares["pose"][[0, 4, 8], 5] = 0.01
+    shares["depth"][0, 4] = 0.1
+    shares["joints"][:, 3] = 0.3
+    products = [node("MatMul", [name, f"w{name}"], f"p{name}") for name in shapes]
+    whole = node("Sum", [f"p{name}" for name in shapes], "twist")
+    weights = {f"w{name}": share for name, share in shares.items()}
+    path.write_bytes(tiny_onnx.model([*products, whole], weights, shapes, {"twist": (1, 6)}))
+    settings = [*SHORT, "controller.kind=onnx", f"controller.file={path}"]
+    with Episode(servo.load("line", settings)) as episode:
+        steps = list(episode)
+        camera, depth = episode.world.camera, 1 / episode.goal.sight_at(0.0).plane.C
+    first = steps[0].truth.T_world_camera
+    intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+    for step in steps:
+        moved = first.inverse() @ step.truth.T_world_camera
+        expected = np.concatenate([[intrinsics @ shares["camera"][:, 0]], moved.translation])
+        joints = 0.3 * (step.joints - steps[0].joints).sum()
+        expected[3] += joints
+        expected = np.append(expected, [0.1 * depth, 0.01 * np.trace(moved.rotation)])
+        np.testing.assert_allclose(step.command.twist, expected, atol=2e-5)
+    assert abs(steps[-1].joints - steps[0].joints).max() > 1e-3
+
+
 @pytest.mark.parametrize(
     ("shapes", "sentence"),
     [
         (
             {"image": PICTURE},
-            "the network's input 'image' is none of picture, goal_picture, joints: rename the input",
+            "the network's input 'image' is none of picture, goal_picture, joints, camera, "
+            "pose, depth: rename the input",
         ),
         (
             {"picture": (1, 4, HEIGHT, WIDTH)},

@@ -55,7 +55,7 @@ class HomographyFeatures(WithRotation):
 
     def __init__(self, method: Method) -> None:
         self._method: Method = method
-        self._goal: Sight | None = None
+        self._wanted: CameraImage | None = None
         self._picture: CameraImage | None = None
         self._moved: Pose | None = None
 
@@ -93,11 +93,11 @@ class HomographyFeatures(WithRotation):
         not be aligned. The result for the last picture is kept.
         """
         goal = sight.aim
-        if goal is not self._goal:
-            self._goal = goal
-            self._alignment = alignment(self._method, picture_of(goal))
+        picture, wanted = picture_of(sight), picture_of(goal)
+        if wanted is not self._wanted:
+            self._wanted = wanted
+            self._alignment = alignment(self._method, wanted)
             self._plane_motion = PlaneMotion()
-        picture = picture_of(sight)
         if picture is not self._picture:
             self._picture = picture
             self._moved = self._measured(goal, picture)
