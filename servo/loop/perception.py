@@ -29,8 +29,8 @@ from tracking.types import (
 
 @final
 class Perception:
-    """Runs the tracker on pictures, and converts its estimates to views of the target (moments,
-    corners, plane, pose).
+    """Runs a scenario's tracker on pictures (`start`, then `track`), and converts its estimates to
+    views of the target (`sight`): moments, corners, plane and pose in the camera frame.
     """
 
     def __init__(
@@ -79,8 +79,8 @@ class Perception:
                 simulation.
 
         Returns:
-            An estimate with the state that the tracker was given, marked as without angle and size:
-            the tracker has not yet reported whether it follows them.
+            An estimate with the start state and the status LOCKED, whose flags `follows` are False
+                for angle and size: the tracker has not reported yet whether it follows them.
 
         Raises:
             PartFailed: The tracker raised an exception.
@@ -114,15 +114,15 @@ class Perception:
     def track(
         self, frame: Frame, posture: Posture, interval: float, truth: Truth | None
     ) -> Estimate:
-        """Return the tracker's estimate for the next picture; if its size has changed more than is
-        possible, with the size to use instead in `likely_scale`. If the picture is not fresh,
-        because the camera delivered none, the tracker is not called, and the last estimate is
-        returned.
+        """Return the tracker's estimate for the next picture. If its size has changed more than is
+        possible, the estimate has the scale to use instead as `likely_scale`. If `frame.fresh` is
+        False, because the camera delivered no new picture, return the previous estimate without
+        calling the tracker.
 
         Args:
             frame: The picture.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
-            interval: Time since the previous picture [s].
+            interval: Time since the previous frame [s].
             truth: The true poses at that picture; None if they are not known, as outside a
                 simulation.
 
