@@ -27,7 +27,8 @@ NO_TRUTH = (
 @final
 class Law:
     """The control law of a scenario: its feature set, estimator and controller, built, and checked
-    against their contracts. After `start` it computes a camera twist for each view of the target.
+    against their contracts. After `start`, `command` computes a camera twist from the target as it
+    is seen in each picture.
     """
 
     def __init__(
@@ -164,7 +165,8 @@ class Law:
         """Return the controller's command, a camera twist, after a picture.
 
         Args:
-            sight: View of the target in this picture; None if the target is not seen.
+            sight: The target as it is seen in this picture: moments, corners, plane and pose in the
+                camera frame; None if it is not seen.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
             interval: Time since the previous picture that the tracker took [s].
             view: Function that takes the kinds of additional data (channels) that a component
