@@ -1,5 +1,5 @@
 """Feature set of the camera's pose relative to the goal, from a homography between the camera's
-picture and the one taken at the goal, without a tracker (Benhimane, Malis 2007).
+picture and the goal's, without a tracker (Benhimane, Malis 2007).
 """
 
 from collections.abc import Mapping

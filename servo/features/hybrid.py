@@ -1,5 +1,5 @@
-"""Feature set of 2 1/2 D servoing: image point and depth of the target's centre, and rotation of
-the camera (Malis, Chaumette, Boudet 1999).
+"""Feature set of 2 1/2 D servoing: image point and depth of the target's centre, and rotation
+(Malis, Chaumette, Boudet 1999).
 """
 
 from collections.abc import Mapping

@@ -1,5 +1,5 @@
-"""Feature set of image moments: centre, size and angle of the target's silhouette, as xn, yn, an,
-theta (Tahri, Chaumette 2005).
+"""Feature set of image moments: centre, size and angle of the silhouette, xn, yn, an, theta (Tahri,
+Chaumette 2005).
 
     an = K / sqrt(a)    xn = an xg    yn = an yg    theta = atan2(2 mu11, mu20 - mu02) / 2
 

@@ -1,5 +1,5 @@
-"""Feature set of four corners, area and angle: area and angle control vz and wz of the camera
-twist, the corners its other four components (Corke, Hutchinson 2001).
+"""Feature set of four corners, area and angle: area and angle control vz and wz, the corners the
+other four components of the twist (Corke, Hutchinson 2001).
 """
 
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
-"""Feature set of all pixels: the brightness of the camera's picture against that of the picture at
-the goal, without a tracker (Collewet, Marchand 2011).
+"""Feature set of all pixels: their brightness against that of the goal's picture, without a tracker
+(Collewet, Marchand 2011).
 """
 
 from dataclasses import dataclass, replace

@@ -1,5 +1,5 @@
-"""Feature set of the image coordinates of the target's four corners: classic image-based servoing
-(Chaumette, Hutchinson 2006).
+"""Feature set of the four corners' image coordinates: classic image-based servoing (Chaumette,
+Hutchinson 2006).
 """
 
 from dataclasses import dataclass

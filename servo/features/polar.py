@@ -1,5 +1,5 @@
-"""Feature set of the polar coordinates of the target's four corners in the image: best for pure
-rotations about the optical axis (Iwatsuki, Okiyama 2005).
+"""Feature set of the four corners' polar coordinates: best for pure rotations (Iwatsuki, Okiyama
+2005).
 """
 
 from dataclasses import dataclass

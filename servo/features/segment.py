@@ -1,5 +1,5 @@
-"""Feature set of the two sides of the target's rectangle along its nose: middle, length and angle
-of each in the image (Espiau, Chaumette, Rives 1992).
+"""Feature set of the target's two sides along its nose: middle, length and angle of each (Espiau,
+Chaumette, Rives 1992).
 """
 
 from dataclasses import dataclass

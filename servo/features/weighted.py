@@ -1,5 +1,5 @@
-"""Feature set of the camera's pose and of the target's corners, where only corners near the
-picture's border have an effect (Kermorgant, Chaumette 2014).
+"""Feature set of pose and corners: the pose, and the corners that are near the picture's border
+(Kermorgant, Chaumette 2014).
 """
 
 from dataclasses import dataclass
