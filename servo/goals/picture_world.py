@@ -54,7 +54,7 @@ class AtGoalConfig:
 
     def clutter(self, own: ClutterConfig) -> ClutterConfig:
         """Return the run's settings of the clutter, with the number of objects replaced if
-        `clutter_number` is set. Its places are not changed here.
+        `clutter_number` is set. The objects' places are not changed here.
         """
         number = self.clutter_number
         return own if number is None else replace(own, number=number)

@@ -108,8 +108,8 @@ class EstimateToSight:
             posture: Pose, twist and joints of the robot when the picture was taken.
             goal: The desired view of the target, which is stored in the result.
             depth: Depth picture (H, W) [m]; used only if the settings take plane or depth from it.
-                If fewer than 20 pixels of the target have a depth, the target's depth is computed
-                from its size, and without corners its plane is taken as parallel to the image.
+                If fewer than 20 pixels of the target have a depth, the target's size gives its
+                depth instead, and the plane is taken as parallel to the image instead.
         """
         is_placed, is_turned, is_sized = certain(estimate, self._region)
         if estimate.status is not Status.LOCKED or not is_placed:
