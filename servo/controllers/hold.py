@@ -24,7 +24,7 @@ class Hold:
     """Controller that commands a camera twist of zero after each picture."""
 
     def start(self, task: Task) -> None:
-        """Begin a run; the task is not used."""
+        """Begin a run; the task is not used, and nothing is stored."""
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return a command with a camera twist of zero and `Mode.HOLDING`; the arguments are not

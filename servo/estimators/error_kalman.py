@@ -36,7 +36,9 @@ class Config:
     needs = frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> ErrorFilters:
-        """Return the estimator, which uses no random numbers."""
+        """Return the estimator, a Kalman filter of each feature's error that predicts the error for
+        the time when the next command acts. It uses no random numbers.
+        """
         return ErrorFilters(motion, predicts=True)
 
 

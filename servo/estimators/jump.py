@@ -38,7 +38,9 @@ class Config:
     needs = frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> ErrorFilters:
-        """Return the estimator, which uses no random numbers."""
+        """Return the estimator, a Kalman filter of each feature's error with a test for jumps of
+        the target's velocity. It uses no random numbers.
+        """
         return ErrorFilters(_model, test=partial(Cusum, DRIFT, THRESHOLD))
 
 

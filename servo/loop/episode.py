@@ -1,5 +1,5 @@
 """One run of a scenario: a simulated world, and a loop of tracker and control law that acts in it,
-step by step.
+frame by frame.
 """
 
 from collections import deque
@@ -423,9 +423,9 @@ class Episode:
 
     @property
     def sight(self) -> Sight | None:
-        """View of the target (moments, corners, plane, pose) in the picture from which the law's
-        last command was computed; None if the target was not seen in it, or the law has not
-        computed a command yet.
+        """The target in the picture from which the law's last command was computed: moments and
+        corners in normalised image coordinates, plane and pose in the camera frame; None if the
+        target was not seen in it, or the law has not computed a command yet.
         """
         return self._timeline.latest.decision.sight
 

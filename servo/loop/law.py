@@ -88,7 +88,7 @@ class Law:
         return Channel.PICTURE in self.needs
 
     def check(self, *, depths: bool, true_motion: bool) -> None:
-        """Check that the data which the components need is available.
+        """Check that the data which feature set, estimator and controller need is available.
 
         Args:
             depths: Whether the camera delivers depth pictures.

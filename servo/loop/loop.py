@@ -1,5 +1,5 @@
-"""Closed loop of tracker and control law without a world: pictures and postures in, camera twists
-out.
+"""Closed loop of tracker and control law without a simulated world: pictures and robot postures in,
+camera twists out.
 
 It serves a simulated or a real camera and robot alike:
 
@@ -143,8 +143,8 @@ class Loop:
         true_motion: TrueMotion | None = None,
         truth: Callable[[int], Truth] | None = None,
     ) -> "Running":
-        """Start the tracker with the target in the first picture, and return the running loop. An
-        earlier run of this loop is then over: it uses the same components.
+        """Start the tracker with the target in the first picture, and return a run of this loop. An
+        earlier run is then over: it uses the same components.
 
         Args:
             frame: The first picture.
@@ -153,20 +153,21 @@ class Loop:
                 is a tag, its outline the black square, and the tracker "tag", a square that is
                 detected near the given one replaces region and state.
             goal: The camera's picture (H, W, 3) at the goal, for features made of pixels and for
-                policies; None if neither is used.
+                policies (controllers that use pictures); None if neither is used.
             true_motion: Function that returns the target's true motion, for an estimator that needs
                 it; only a simulation has it.
-            truth: Function that returns the true poses of a picture by its number, for components
-                that need them.
+            truth: Function that returns the true poses at a picture by the picture's number, for
+                components that need them.
 
         Returns:
-            The running loop; its `step` takes this picture too.
+            The run; its `step` takes this picture first.
 
         Raises:
             PartFailed: A component raised an exception.
             ValueError: An argument has the wrong type or size, the tracker refuses the region, a
                 setting does not fit the features, data that a component needs is missing, the
-                leader's tag is not seen, or the goal moves although there is a picture of it.
+                leader's tag (which the goal is relative to) is not seen, or the goal moves although
+                there is a picture of it.
         """
         check_start(frame, self.camera, region, state)
         for draws, state_at_first in self._draws:

@@ -17,8 +17,8 @@ ENDS = (KeyboardInterrupt, MemoryError)
 
 
 class PartFailed(Mistake):
-    """Error: a component raised an exception or broke its contract; the message names the
-    component.
+    """Error: a component of a run, such as the tracker, raised an exception or broke its contract;
+    the message names the component.
     """
 
 
@@ -66,12 +66,14 @@ class Part:
         return built
 
     def guarded(self, built: Built, *, checked: bool = True) -> Built:
-        """Return a wrapper of the built component: an exception in one of its methods becomes a
-        `PartFailed` that names the component, unless `blame` lets it pass.
+        """Return a wrapper of the built component that turns exceptions in its methods into
+        `PartFailed`, which names the component. A `Mistake`, a KeyboardInterrupt, a MemoryError,
+        and a ValueError of `start` pass unchanged.
 
         Args:
             built: The component.
-            checked: Whether the values that its methods return are checked against the contract.
+            checked: Whether the values that the methods return are checked against the contract; an
+                invalid one then raises a `PartFailed`.
         """
         return guarded(built, self.kind_of_place, self.blame, checked=checked)
 

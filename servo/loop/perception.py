@@ -150,16 +150,17 @@ class Perception:
     def sight(
         self, frame: Frame, estimate: Estimate, posture: Posture, goal: Sight
     ) -> Sight | None:
-        """Return the view of the target (moments, corners, plane, pose in the camera frame) from an
-        estimate; None if the target is not seen, its centre is too uncertain, or its corners fit no
-        rectangle of its size. An angle or a size that the tracker does not follow or states too
-        uncertainly, and a size that is impossible, are marked as not measured.
+        """Return the target as an estimate shows it (moments and corners in normalised image
+        coordinates, plane and pose in the camera frame); None if the target is not seen, its centre
+        is too uncertain, or its corners fit no rectangle of its size. An angle or a size that the
+        tracker does not follow or states too uncertainly, and a size that is impossible, are marked
+        as not measured.
 
         Args:
-            frame: The picture of the estimate, with its depth picture if there is one.
+            frame: The picture of the estimate; only its depth picture is used, if it has one.
             estimate: The tracker's estimate.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
-            goal: The desired view of the target.
+            goal: The desired view of the target, which is stored in the result.
         """
         if estimate.likely_scale is not None:
             state = replace(estimate.state, scale=estimate.likely_scale)

@@ -327,7 +327,9 @@ class Step:
 
     @property
     def joints(self) -> Array:
-        """Joint positions (n,) of the robot at the time of the frame [m or rad]."""
+        """Exact joint positions (n,) of the robot at the time of the frame [m or rad], without
+        errors of encoders.
+        """
         return self.posture.joints
 
     @property
@@ -340,8 +342,9 @@ class Step:
 
     @property
     def twist_measured(self) -> Array:
-        """Measured twist (6,) of the camera in its own frame [m/s, rad/s], as a mean over the last
-        frame interval.
+        """Mean twist (6,) that the camera had over the last frame interval, in its own frame [m/s,
+        rad/s]. It is the simulation's exact one, without errors of encoders and calibration,
+        relative to the world, or to the target if the robot holds that.
         """
         return self.posture.twist
 

@@ -54,7 +54,7 @@ def whole(given: object, what: str, least: int) -> int:
         least: Smallest allowed number.
 
     Raises:
-        Mistake: `given` is not a whole number (True and False are none), or is below `least`.
+        Mistake: `given` is no whole number (also if it is True or False), or is below `least`.
     """
     if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < least:
         raise Mistake(f"{what} = {given!r}: expected a whole number from {least} on")

@@ -26,12 +26,14 @@ LISTS = {"disturbances": disturbances.KINDS}
 
 
 def shipped() -> list[str]:
-    """Return the sorted names of the scenarios that are part of servobench."""
+    """Return the names, such as "reversal", of the scenarios that are part of servobench, in
+    alphabetical order.
+    """
     return _names(resources.files("scenes"))
 
 
 def studies() -> list[str]:
-    """Return the sorted names of the studies that are part of servobench."""
+    """Return the names of the studies that are part of servobench, in alphabetical order."""
     return _names(resources.files("scenes") / "studies")
 
 

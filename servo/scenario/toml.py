@@ -114,7 +114,7 @@ def _copied(value: object) -> object:
 
 
 def is_table(value: object) -> TypeGuard[Table]:
-    """Return whether a value of TOML is a table."""
+    """Return whether a value of TOML is a table, which is a dictionary in Python."""
     return isinstance(value, dict)
 
 
@@ -124,7 +124,8 @@ def is_number(value: object) -> TypeGuard[float]:
 
 
 def names_of(path: str) -> list[str]:
-    """Return the names in a dotted path; a name in quotes may contain dots.
+    """Return the names in a dotted path, without spaces around them; a name in quotes may contain
+    dots.
 
     >>> names_of('expect.tracker."my.kind"')
     ['expect', 'tracker', 'my.kind']

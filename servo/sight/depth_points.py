@@ -45,7 +45,7 @@ class DepthPoints:
         None if they are fewer than 20.
 
         Args:
-            corners: Corners of the target (4, 2) [px].
+            corners: Corners of the quadrilateral, the target's (4, 2) [px], which must be convex.
             depth: Depth picture (H, W) [m], with nan or 0 for pixels without a depth.
             camera: Intrinsics of the depth picture.
         """
