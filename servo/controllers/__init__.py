@@ -1,5 +1,5 @@
-"""Package of the controllers, one module each: `Config.build(rng)` returns a `Controller`, which
-commands a camera twist after each picture.
+"""Controllers, one module each: `Config.build(rng)` returns a `Controller`, which commands a camera
+twist after each picture.
 """
 
 from __future__ import annotations

@@ -57,9 +57,10 @@ class Config:
 
 @final
 class Broyden:
-    """Controller that first moves the camera a little forth and back along each component of its
-    twist, and then commands v = -lambda L+ e. It learns the interaction matrix L from the changes
-    of the features (Broyden's update).
+    """Controller that learns the interaction matrix L from the changes of the features (Broyden's
+    update). It first moves the camera a little forth and back along each of the six components of
+    the twist, and then commands v = -lambda L+ e, with the feature error e and the pseudo-inverse
+    L+.
     """
 
     def __init__(self, config: Config) -> None:
@@ -67,7 +68,9 @@ class Broyden:
         self._config = config
 
     def start(self, task: Task) -> None:
-        """Begin a run: the interaction matrix is zero, and the first motions are still to do."""
+        """Begin a run with the features and the goal of a task: the learned interaction matrix is
+        zero, and the first motions, forth and back, are still to do.
+        """
         c = self._config
         self._features = task.features
         self._goal = task.goal
@@ -83,9 +86,14 @@ class Broyden:
         self._returns = False
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the command after a picture: first the small motions by which the matrix is
-        learned, then v = -lambda L+ e. The twist is zero, with `Mode.HOLDING`, if the target is not
-        seen, or a feature is not measured.
+        """Return the command after a picture: first the small motions by which the interaction
+        matrix is learned, then v = -lambda L+ e. The twist is zero, with `Mode.HOLDING`, if the
+        target is not seen or a feature is not measured.
+
+        Args:
+            seen: The target as it is seen; None if it is not.
+            posture: Measured state of the robot; only the camera twist is used.
+            dt: Time since the last picture [s].
         """
         self._away += self._pace * dt
         self._pace = 0.0

@@ -21,11 +21,13 @@ class Config:
 
 @final
 class Hold:
-    """Controller that commands a twist of zero after each picture."""
+    """Controller that commands a camera twist of zero after each picture."""
 
     def start(self, task: Task) -> None:
-        """Begin a run; the task is not used."""
+        """Begin a run; the task is not used, and nothing is stored."""
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return a twist of zero with `Mode.HOLDING`; the arguments are not used."""
+        """Return a command with a camera twist of zero and `Mode.HOLDING`; the arguments are not
+        used.
+        """
         return Command(np.zeros(6), mode=Mode.HOLDING)

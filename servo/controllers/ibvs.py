@@ -96,9 +96,10 @@ class _Measured:
 
 @final
 class Ibvs:
-    """Controller that commands the twist v = -lambda L# e - L# de/dt + (I - L# L) z after each
-    picture: e is the feature error, de/dt its rate by the target's own motion, L# the weighted
-    pseudo-inverse of the interaction matrix L, and z the twist of secondary tasks.
+    """Controller that commands the camera twist v = -lambda L# e - L# de/dt + (I - L# L) z after
+    each picture: e is the feature error, de/dt its rate by the target's own motion, L# the weighted
+    pseudo-inverse of the interaction matrix L, and z the twist of secondary tasks. `guard` limits
+    the twist further, such as by the joints' ranges; None: only by speed and acceleration.
     """
 
     def __init__(self, config: LawSettings, guard: Guard | None = None) -> None:
@@ -114,12 +115,12 @@ class Ibvs:
         self._weights = np.array(config.weights)
 
     def start(self, task: Task) -> None:
-        """Begin a run with a task: its goal, features, estimator, camera and latency.
+        """Begin a run with a task: the goal, features, estimator, camera and latency of the run.
 
         Raises:
-            ValueError: `feed_forward` names a feature that the set does not have, the weights of
-                all components that may move with these features are 0, or the margin of the
-                controller `qp` leaves nothing of the picture.
+            ValueError: The setting `feed_forward` names a feature that the set does not have, the
+                weights of all components of the twist that may move with these features are 0, or
+                the margin of the controller `qp` leaves nothing of the picture.
         """
         c = self._config
         self._features = task.features
@@ -152,10 +153,14 @@ class Ibvs:
         self._goal = _Measured.of(self._features, goal)
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the command after a picture. While the target is not seen (`seen` is None), the
-        law goes on with the estimator's predictions for `coast` seconds, then the camera stands,
-        and after another `search_after` seconds, if that is set, it searches on a spiral, up to 0.6
-        m away.
+        """Return the command after a picture. While the target is not seen, the law goes on with
+        the estimator's predictions for `coast` seconds, then the camera stands; after another
+        `search_after` seconds, if that is set, it searches on a spiral, up to 0.6 m away.
+
+        Args:
+            seen: The target as it is seen, with the desired view as `goal`; None if it is not seen.
+            posture: Camera pose, twist, joints, limits and Jacobian, as the robot knows them.
+            dt: Time since the last picture that the tracker took [s].
         """
         self._see(seen)
         error = self._features.error(self._measured.values, self._goal.values)

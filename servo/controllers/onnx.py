@@ -57,8 +57,8 @@ class Config:
         """Return the controller with the network loaded; it uses no random numbers.
 
         Raises:
-            ValueError: ONNX Runtime is missing, the file cannot be read, or the network has an
-                input other than those of `file`.
+            ValueError: ONNX Runtime is missing, the file cannot be read, or an input of the network
+                has a name, type or shape other than those that the setting `file` describes.
         """
         network = Network(self.file, self.timeout)
         return PolicyLaw(network.act_by_camera if network.knows_camera else network.act)
@@ -66,8 +66,9 @@ class Config:
 
 @final
 class Network:
-    """Neural network that was loaded from an ONNX file, and computes a camera twist from pictures
-    and joint positions.
+    """Neural network that was loaded from an ONNX file, and computes a camera twist from those of
+    these inputs that it has: picture, picture at the goal, joint positions, camera intrinsics,
+    camera pose and depth. `timeout` is the longest wait for its output [s].
     """
 
     def __init__(self, file: str, timeout: float) -> None:
@@ -107,13 +108,14 @@ class Network:
         """Whether the network has an input camera, pose or depth."""
 
     def act(self, picture: Image, goal_picture: Image, posture: Posture) -> Array:
-        """Return the first output of the network, the camera twist (6,) in the camera frame [m/s,
-        rad/s]. The network is given those of the three arguments that it has as inputs.
+        """Return the first output of the network as a vector, which should be a camera twist (6,)
+        in the camera frame [m/s, rad/s]; its shape is not checked here. The network is given those
+        of the arguments that it has as inputs.
 
         Args:
             picture: The camera's RGB picture (H, W, 3) of uint8.
-            goal_picture: The RGB picture (H, W, 3) at the goal.
-            posture: State of the robot; only its joint positions are used.
+            goal_picture: The RGB picture (H, W, 3) of uint8 that was taken at the goal.
+            posture: State of the robot; only its joint positions (n,) [m or rad] are used.
 
         Raises:
             ValueError: An input does not fit the network, such as another number of joints, or the
@@ -126,13 +128,14 @@ class Network:
     def act_by_camera(
         self, picture: Image, goal_picture: Image, camera: Camera, posture: Posture, depth: float
     ) -> Array:
-        """Return the first output of a network that knows its camera: the camera twist (6,) in the
-        camera frame [m/s, rad/s]. The network is given those arguments that it has as inputs.
+        """Return the first output of a network that knows its camera, as a vector, which should be
+        a camera twist (6,) in the camera frame [m/s, rad/s]; its shape is not checked here. The
+        network is given those of the arguments that it has as inputs.
 
         Args:
             picture: The camera's RGB picture (H, W, 3) of uint8.
-            goal_picture: The RGB picture (H, W, 3) at the goal.
-            camera: The believed camera, whose fx, fy, cx, cy [px] are used.
+            goal_picture: The RGB picture (H, W, 3) of uint8 that was taken at the goal.
+            camera: The camera as the robot believes it to be; its fx, fy, cx, cy [px] are used.
             posture: State of the robot relative to that at the first picture; its joint positions
                 and the camera's pose are used.
             depth: Believed depth at the goal, on the optical axis [m].

@@ -48,8 +48,8 @@ class Config:
     """Longest wait for the first answer, before which the policy loads what it needs [s]."""
 
     def build(self, rng: np.random.Generator) -> PolicyLaw:
-        """Start the program, send it the seed of its random numbers, drawn from the generator, and
-        return the controller.
+        """Start the program, send it a seed for its random numbers, which is drawn from `rng`, wait
+        until it has answered, and return the controller.
 
         Raises:
             ValueError: The program does not start, or its first answer is missing or not valid.
@@ -60,7 +60,9 @@ class Config:
 
 @final
 class PolicyProgram:
-    """Connection to a running policy; the program is ended when this object is deleted."""
+    """Connection to a policy, a program in a process of its own that returns a camera twist for
+    each picture (`act`); the program is ended when this object is deleted.
+    """
 
     def __init__(self, command: str, seed: int, timeout: float, loading: float) -> None:
         """Start a program and wait until it is ready.
@@ -80,19 +82,22 @@ class PolicyProgram:
         self._program.ask({"seed": seed}, b"", loading)
 
     def reset(self) -> None:
-        """Begin a new run: the next picture is sent after the picture at the goal."""
+        """Begin a new run: the next call of `act` sends the picture at the goal before the camera's
+        picture.
+        """
         self._is_new_run = True
 
     def act(
         self, picture: Image, goal_picture: Image, camera: Camera, posture: Posture, depth: float
     ) -> Array:
-        """Return the program's answer to a picture: the camera twist (6,) in the camera frame [m/s,
-        rad/s].
+        """Send a picture to the program, and return its answer: the camera twist (6,) in the camera
+        frame [m/s, rad/s].
 
         Args:
-            picture: The camera's RGB picture (H, W, 3).
-            goal_picture: The RGB picture (H, W, 3) at the goal, sent once a run.
-            camera: The believed camera.
+            picture: The camera's RGB picture (H, W, 3) of uint8.
+            goal_picture: The RGB picture (H, W, 3) at the goal; it is sent only in the first call
+                of a run, with `camera` and `depth`.
+            camera: The camera as the robot believes it to be.
             posture: State of the robot, relative to that at the first picture.
             depth: Believed depth at the goal, on the optical axis [m].
 
@@ -123,8 +128,8 @@ class PolicyProgram:
 
 
 def intrinsics_of(camera: Camera) -> Line:
-    """Return a camera's intrinsics [px], and the distortion of its lens if it has one, as a mapping
-    that JSON can write.
+    """Return a camera's intrinsics as a mapping that JSON can write: the keys fx, fy, cx and cy
+    [px], and for a lens that distorts `distortion`, with the keys `model` and `coefficients`.
     """
     found = dict[str, object](fx=camera.fx, fy=camera.fy, cx=camera.cx, cy=camera.cy)
     if camera.distortion is not None:
@@ -134,7 +139,11 @@ def intrinsics_of(camera: Camera) -> Line:
 
 
 def words_of(posture: Posture) -> Line:
-    """Return a posture as a mapping that JSON can write: a limit of infinity is null."""
+    """Return a posture as a mapping of lists that JSON can write: the rotation (3, 3) and
+    translation (3,) [m] of the camera's pose, the measured camera twist (6,) [m/s, rad/s], the
+    joints and their lower and upper limits (n,) [m or rad], None for an infinite one, and the
+    Jacobian (6, n).
+    """
     return {
         "rotation": posture.T_base_camera.rotation.tolist(),
         "translation": posture.T_base_camera.translation.tolist(),

@@ -71,8 +71,9 @@ class Config(LawSettings):
 
 @final
 class Programme:
-    """Limits the twist of `ibvs` by speed, joints and view, with one quadratic programme per
-    picture.
+    """Limits the camera twist of the controller `ibvs` by the camera's speed, the joints' ranges
+    and rates, and the sides of the picture, which the target's corners should not leave. It solves
+    one quadratic programme per picture.
     """
 
     def __init__(self, config: Config) -> None:
@@ -82,10 +83,10 @@ class Programme:
         self._speed = speed_bounds(config.fastest, config.fastest_turn)
 
     def start(self, task: Task) -> None:
-        """Begin a run with the camera of a task.
+        """Begin a run with a task, of which only the camera is used.
 
         Raises:
-            ValueError: The margin is half the shorter side of the picture or more.
+            ValueError: The margin [px] is half the shorter side of the picture or more.
         """
         self._camera = task.camera
         most = min(task.camera.width, task.camera.height) / 2
@@ -96,11 +97,15 @@ class Programme:
             )
 
     def limited(self, desired: DesiredTwist) -> LimitedTwist:
-        """Return the twist within the limits that changes the features most nearly as the desired
-        twist does, after the desired twist was scaled down to the speed limits; zero if the solver
-        finds no solution. The limits of speed and joints are always kept, those of the view as far
-        as possible. The result also has the names of the active limits, and of the limits of the
-        view that are violated.
+        """Return the camera twist within the limits that changes the features most nearly as the
+        desired one does, after that was scaled down to the largest speeds; zero if the solver finds
+        no solution. Limits of joints, and of each component of the speed, are hard; those of the
+        view are kept as far as possible. The result also has the names of the active limits, and of
+        the limits of the view that are violated.
+
+        Args:
+            desired: The twist of the control law before any limit, with the state of robot and
+                target.
         """
         fast = max(1.0, excess(desired.twist, self._fastest, self._fastest_turn))
         law = desired.twist / fast

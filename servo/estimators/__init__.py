@@ -1,5 +1,5 @@
-"""Package of the estimators of the target's own motion, one module each: `Config.build(rng)`
-returns an `Estimator`.
+"""Estimators of the target's own motion, one module each: `Config.build(rng)` returns an
+`Estimator`, which estimates the rate of the feature error that this motion causes.
 """
 
 from __future__ import annotations

@@ -36,18 +36,21 @@ class Config:
     needs = frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> ErrorFilters:
-        """Return the estimator, which uses no random numbers."""
+        """Return the estimator, a Kalman filter of each feature's error that predicts the error for
+        the time when the next command acts. It uses no random numbers.
+        """
         return ErrorFilters(motion, predicts=True)
 
 
 def motion(dt: float, jump: float = 0.0) -> TargetModel:
-    """Return the model of how the target's motion, with a velocity and an acceleration, changes a
-    feature's error from frame to frame.
+    """Return the linear model by which the target's motion changes the error of one feature from
+    frame to frame. Its state is the error's velocity and acceleration that this motion causes;
+    covariances are over the variance R of the error's measurement.
 
     Args:
-        dt: Frame interval [s].
-        jump: Ratio Var(w1) T^2 / R of two variances: w1 is the noise added to the velocity in each
-            frame interval T, and R the variance of the error's measurement.
+        dt: Frame interval T [s].
+        jump: Ratio Var(w1) T^2 / R, where w1 is the noise added to the velocity in each frame; 0:
+            the velocity changes by the acceleration alone.
     """
     s = between(ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ, dt) / dt**4
     Q = np.diag([jump / dt**2, s])

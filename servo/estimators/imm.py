@@ -43,9 +43,9 @@ class Config:
 
 @final
 class Imm:
-    """Estimator with two Kalman filters for each feature, for smooth motion and for manoeuvres,
-    whose results are weighted by their probabilities. Arrays of both filters have the filter as
-    first axis, of length 2.
+    """Estimator with two Kalman filters of the error of each feature, one for smooth motion of the
+    target and one for manoeuvres. Their results are weighted by the probabilities of the two
+    models.
     """
 
     def __init__(self, motions: tuple[Callable[[float], TargetModel], ...]) -> None:
@@ -60,8 +60,8 @@ class Imm:
         self._switch = np.array([[STAY, go], [go, STAY]])
 
     def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set: both models are equally probable, and no feature has been
-        measured yet.
+        """Begin a run with a feature set: for each feature both models are equally probable, and no
+        feature has been measured yet.
         """
         k = len(features.names)
         self._features = features
@@ -71,14 +71,16 @@ class Imm:
         self._mu = np.full((2, k), 0.5)
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Mix, predict and correct the filters after a picture; return the error at the time when
-        the command acts, and de/dt of the target's own motion. The first error of a feature starts
-        its filters.
+        """Mix, predict and correct the filters after a picture, and return their prediction: the
+        feature error at the time when the next command acts, the rate de/dt (k,) [1/s] from the
+        target's own motion, innovations, and variances of both. The first measured error of a
+        feature starts its filters.
 
         Args:
             error: Feature error (k,) over the features' scales; nan for features that were not
                 measured.
-            own: The part of de/dt that the camera's own motion causes.
+            own: The rate of this error that the camera's own motion causes, since the last picture
+                and until the next command acts.
             dt: Time since the last picture [s].
         """
         if not self._filters:
@@ -107,12 +109,12 @@ class Imm:
         return Prediction(error, motion, innovation, nis, variance)
 
     def see(self, view: View) -> None:
-        """Undo the last correction, also of the probabilities of the models, if the target is not
-        seen in this picture, because it was probably half hidden in the picture before. The first
-        measurement of a feature is kept.
+        """Undo the correction by the previous picture, also of the models' probabilities, if the
+        target is not seen in this one: it was probably half hidden before. The first measurement of
+        a feature is kept.
 
         Args:
-            view: Data of the picture; its `seen` is False if the target is not seen.
+            view: Data of the picture; `view.seen` is False if the target is not seen.
         """
         if view.seen is not False:
             return
@@ -121,8 +123,14 @@ class Imm:
             self._mu = np.where(self._corrected, self._mixed, self._mu)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the error and de/dt that are predicted for the time when the command acts, for a
-        frame in which the target was not seen; zeros if no feature was ever measured.
+        """Return the feature error and its rate de/dt (k,) from the target's own motion [1/s],
+        predicted for the time when the next command acts, after a frame in which the target was not
+        seen; zeros for features that were never measured.
+
+        Args:
+            own: The rate of the error (over the features' scales) that the camera's own motion
+                causes.
+            dt: Time since the last picture [s].
         """
         if not self._filters:
             none = np.zeros(len(self._begun))

@@ -32,22 +32,29 @@ class Config:
 
 @final
 class Integral(Unfiltered):
-    """Estimator that returns, as the target's motion de/dt, the gain [1/s^2] times the integral of
-    the error over time; the law uses this motion for the features that it feeds forward.
+    """Estimator that returns the measured feature error, and in place of its rate de/dt from the
+    target's own motion the gain [1/s^2] times the integral of the error over time. The law adds
+    this term for the features that it feeds forward.
     """
 
     def __init__(self, gain: float) -> None:
         self._gain = gain
 
     def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set: the integrals of the errors are zero."""
+        """Begin a run with a feature set: the integral of each feature's error is zero."""
         super().start(features)
         self._sum = np.zeros(len(features.names))
 
     def measure(self, error: Array, own: OwnMotion, dt: float) -> None:
-        """Add the error (k,) over the features' scales, times dt [s], to its integral, and set
-        `motion`, the returned de/dt (k,), to the gain times the integral. The integral of a feature
-        that is not measured (nan) stays.
+        """Add the error times `dt` to its integral, and set `motion` (k,), the rate that `update`
+        returns, to the gain times the integral. The integral of a feature that is not measured
+        stays.
+
+        Args:
+            error: Feature error (k,) over the features' scales; nan for features that were not
+                measured.
+            own: Not used.
+            dt: Time since the last picture [s].
         """
         self._sum = self._sum + np.nan_to_num(error) * dt
         self.motion = self._gain * self._sum

@@ -38,7 +38,9 @@ class Config:
     needs = frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> ErrorFilters:
-        """Return the estimator, which uses no random numbers."""
+        """Return the estimator, a Kalman filter of each feature's error with a test for jumps of
+        the target's velocity. It uses no random numbers.
+        """
         return ErrorFilters(_model, test=partial(Cusum, DRIFT, THRESHOLD))
 
 
@@ -48,9 +50,9 @@ def _model(dt: float) -> TargetModel:
 
 @final
 class Cusum:
-    """Test for jumps of the features' velocities by two cumulative sums (CUSUM) for each feature,
-    upwards and downwards, of the innovations over their standard deviations. From each innovation
-    `drift` is subtracted; a sum above `threshold` is a jump.
+    """Test that finds jumps of the features' velocities. For each feature it keeps two cumulative
+    sums (CUSUM), upwards and downwards, of the innovations over their standard deviations. From
+    each innovation `drift` is subtracted; a sum above `threshold` is a jump.
     """
 
     def __init__(self, drift: float, threshold: float) -> None:
@@ -59,11 +61,12 @@ class Cusum:
         self._sums = np.zeros((2, 1))
 
     def jumped(self, normalised: Array) -> Flags:
-        """Add the innovations of a picture to the sums; return True (k,) for each feature with a
-        sum above the threshold, and set its two sums to zero.
+        """Add the innovations of a picture to the sums. Return True (k,) for each feature one of
+        whose sums is above the threshold, and set its two sums to zero.
 
         Args:
-            normalised: Innovations (k,) over their standard deviations; 0 if not measured.
+            normalised: Innovations (k,) over their standard deviations; 0 for features that were
+                not measured.
         """
         both = np.stack([normalised, -normalised])
         self._sums = np.maximum(0.0, self._sums + both - self._drift)

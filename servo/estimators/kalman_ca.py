@@ -57,26 +57,29 @@ class Config:
 
     @property
     def needs(self) -> Channels:
-        """Channels of data that the estimator needs: `Channel.SEEN` if it filters the error; none
-        if it filters differences.
+        """Kinds of additional data (channels) that the estimator needs: whether the target is seen
+        (`Channel.SEEN`), if it filters the error; none if it filters differences.
         """
         return frozenset() if self.noise == "difference" else frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> Estimator:
-        """Return the estimator: a filter of the errors, or, with noise = "difference", of their
-        differences. It uses no random numbers.
+        """Return the estimator: a Kalman filter of the feature errors or, with noise =
+        "difference", of their differences. It uses no random numbers.
         """
         if self.noise == "difference":
             return DifferenceFilters(self.model)
         return ErrorFilters(self.motion)
 
     def model(self, dt: float, variance: float) -> Model:
-        """Return the matrices of ViSP's Kalman filter of one feature, which measures the change of
-        the feature's error per second.
+        """Return the matrices of ViSP's Kalman filter of one feature. It measures the change of the
+        feature's error per second; its state is (x, nu, a): the rate x of the error from the
+        target's own motion [1/s], a decaying change nu of x per frame, and a nearly constant
+        acceleration a [1/s^2].
 
         Args:
             dt: Frame interval [s].
-            variance: Variance of the feature's measurement noise, before the difference is taken.
+            variance: Variance of the noise of the feature itself (over its scale), before the
+                difference is taken.
         """
         sR = difference_variance(variance, dt)
         rho = self.rho
@@ -95,8 +98,10 @@ class Config:
         return Model(self._F(T), np.zeros(3), np.eye(3)[0], np.diag([0.0, sQ, sQ2]), sR, P)
 
     def motion(self, dt: float) -> TargetModel:
-        """Return the model of how the target's motion, of a nearly constant acceleration, changes a
-        feature's error from frame to frame.
+        """Return the linear model by which the target's motion, of a nearly constant acceleration,
+        changes the error of one feature from frame to frame. Its state is (x, nu, a): the rate x of
+        the error from this motion, a decaying change nu of x per frame, and an acceleration a.
+        Covariances are over the variance of the error's measurement.
 
         Args:
             dt: Frame interval [s].

@@ -55,26 +55,28 @@ class Config:
 
     @property
     def needs(self) -> Channels:
-        """Channels of data that the estimator needs: `Channel.SEEN` if it filters the error; none
-        if it filters differences.
+        """Kinds of additional data (channels) that the estimator needs: whether the target is seen
+        (`Channel.SEEN`), if it filters the error; none if it filters differences.
         """
         return frozenset() if self.noise == "difference" else frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> Estimator:
-        """Return the estimator: a filter of the errors, or, with noise = "difference", of their
-        differences. It uses no random numbers.
+        """Return the estimator: a Kalman filter of the feature errors or, with noise =
+        "difference", of their differences. It uses no random numbers.
         """
         if self.noise == "difference":
             return DifferenceFilters(self.model)
         return ErrorFilters(lambda dt: motion(dt, self.rho, self.ratio))
 
     def model(self, dt: float, variance: float) -> Model:
-        """Return the matrices of ViSP's Kalman filter of one feature, which measures the change of
-        the feature's error per second.
+        """Return the matrices of ViSP's Kalman filter of one feature. It measures the change of the
+        feature's error per second; its state is (x, nu): the rate x of the error from the target's
+        own motion [1/s], and a decaying change nu of x per frame.
 
         Args:
             dt: Frame interval [s].
-            variance: Variance of the feature's measurement noise, before the difference is taken.
+            variance: Variance of the noise of the feature itself (over its scale), before the
+                difference is taken.
         """
         sR = difference_variance(variance, dt)
         rho = self.rho
@@ -85,14 +87,17 @@ class Config:
 
 
 def motion(dt: float, rho: float, ratio: float | None) -> TargetModel:
-    """Return the model of how the target's motion, of a nearly constant velocity, changes a
-    feature's error from frame to frame.
+    """Return the linear model by which the target's motion, of a nearly constant velocity, changes
+    the error of one feature from frame to frame. Its state is (x, nu): the rate x of the error from
+    this motion, and a decaying change nu of x per frame. Covariances are over the variance of the
+    error's measurement.
 
     Args:
         dt: Frame interval [s].
-        rho: Share of the velocity's change that is left in the next frame, 0 to 1.
-        ratio: Variance of the velocity's noise over that of the measurement, sQ / sR, per frame;
-            None: the value tuned for this frame interval.
+        rho: Share of nu that is left in the next frame, 0 to below 1.
+        ratio: Ratio sQ / sR of two variances: that of the noise of nu per frame, and that of the
+            difference of two measurements per second; None: the value tuned for this frame
+            interval.
     """
     ratio = ratio or between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt)
     sQ = ratio * difference_variance(1.0, dt)

@@ -21,4 +21,6 @@ class Config:
 
 @final
 class Nothing(Unfiltered):
-    """Estimator that returns the measured error, and zero as de/dt of the target's own motion."""
+    """Estimator that returns the feature error as it was measured, and a rate of zero from the
+    target's own motion.
+    """

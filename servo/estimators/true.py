@@ -24,13 +24,17 @@ class Config:
 
 @final
 class Ideal(Unfiltered):
-    """Estimator that returns the measured error, and the true motion of the target that the
-    simulation gave last, at first zero.
+    """Estimator that returns the feature error as it was measured, and as its rate from the
+    target's own motion the true one, which the simulation gives by `see`; zero before that.
     """
 
     def see(self, view: View) -> None:
-        """Store `view.true_motion`: the target's true mean de/dt (k,) while the next command acts,
-        divided by the features' scales [1/s].
+        """Store the target's true motion for the next prediction; keep the last one if it is None.
+
+        Args:
+            view: Data of the picture; `view.true_motion` is the mean rate (k,) at which the
+                target's own motion changes the features while the next command acts, over the
+                features' scales [1/s].
         """
         if view.true_motion is not None:
             self.motion = view.true_motion

@@ -1,5 +1,5 @@
-"""The lag [px] of a proportional law behind a target at constant speed v, against theory: f v / (Z
-gain), with the focal length f [px] and the target's depth Z [m].
+"""Example that compares the lag [px] of a proportional law behind a target at constant speed v with
+theory: f v / (Z gain), with the focal length f [px] and the target's depth Z [m].
 """
 
 from matplotlib import pyplot as plt

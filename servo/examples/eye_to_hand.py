@@ -1,4 +1,6 @@
-"""Eye to hand: the camera is fixed in the room, and the arm moves a tag to its goal."""
+"""Example of eye-to-hand servoing: the camera is fixed in the room, and the arm moves a tag to its
+goal.
+"""
 
 import servo
 

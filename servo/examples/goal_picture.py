@@ -1,5 +1,5 @@
-"""Servoing to a goal picture by the brightness of all pixels (photometric); writes the goal's, the
-first and the last picture as PNG files.
+"""Example of servoing to a goal picture by the brightness of all pixels (features "photometric").
+It writes the picture at the goal, the first and the last picture as PNG files.
 """
 
 import cv2

@@ -1,4 +1,6 @@
-"""A cell of a notebook: run a scenario and show its measures, its curves and a picture."""
+"""Example of a notebook cell: run a scenario, show its measures and plots, and save a picture and a
+film.
+"""
 
 import servo
 

@@ -1,5 +1,5 @@
-"""Learning in the Gymnasium environment: a random search for the gain k of the action -k times the
-feature errors, which the environment adds to the control law's camera twist.
+"""Example of learning in the Gymnasium environment: a random search for the gain k of the action -k
+times the feature errors, which the environment adds to the control law's camera twist.
 """
 
 import gymnasium
@@ -10,7 +10,9 @@ env = gymnasium.make(ID, overrides=["run.duration=1.5", "estimator.kind=none"], 
 
 
 def reward_of(gain):
-    """Return the sum of rewards of an episode whose action is this gain times the errors."""
+    """Return the sum of the rewards of one episode, with seed 0, in which each action is -gain
+    times the feature errors of the last observation.
+    """
     observation, _ = env.reset(seed=0)
     total, over = 0.0, False
     while not over:

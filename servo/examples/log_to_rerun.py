@@ -1,4 +1,6 @@
-"""A custom Rerun recording: pictures, outlines and errors on the simulated time."""
+"""Example of a custom Rerun recording: it writes pictures, outlines of the target and servo errors
+[px] over simulated time to circle.rrd.
+"""
 
 import rerun as rr
 

@@ -1,4 +1,4 @@
-"""Custom features: the centre of the target and the logarithm of its size."""
+"""Example of custom features: centre of the target in the image, and logarithm of its size."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ class Config:
     """The feature set has no settings."""
 
     def build(self, outline):
-        """Return the feature set, which is the same for any target."""
+        """Return the feature set, which is the same for any target; `outline` is not used."""
         return CentreAndSize()
 
 
@@ -28,13 +28,16 @@ class CentreAndSize:
     sole_dof = {"ln a": "vz"}
 
     def values(self, sight):
-        """Return the features s (3,) of the target in a picture: x, y and ln a."""
+        """Return the features s (3,) of the target as it is seen (`Sight`): its centre x, y in
+        normalised image coordinates, and ln a, with a the square root of its area there.
+        """
         m = sight.moments
         return np.array([m.xg, m.yg, np.log(m.area) / 2])
 
     def matrix(self, sight):
-        """Return the interaction matrix L (3, 6) with ds/dt = L v, for a camera twist v in the
-        camera frame, and a small target that is parallel to the image.
+        """Return the interaction matrix L (3, 6) of the features for a target at rest that is small
+        and parallel to the image: ds/dt = L v for a camera twist v (6,) in the camera frame [m/s,
+        rad/s].
         """
         x, y, _ = self.values(sight)
         near = sight.plane.C  # 1 / Z
@@ -43,15 +46,19 @@ class CentreAndSize:
         return np.array([rows, columns, [0, 0, near, 1.5 * y, -1.5 * x, 0]])
 
     def error(self, values, goal):
-        """Return the feature error e = s - s* (3,)."""
+        """Return the feature error e = s - s* (3,) of the features `values` against those at the
+        goal.
+        """
         return values - goal
 
     def known(self, sight):
-        """Return flags (3,): True for each feature that the tracker measures."""
+        """Return a flag (3,) for each feature, True if it is measured: those of the centre always,
+        ln a if the tracker measures the target's size.
+        """
         return np.array([True, True, sight.size_known])
 
     def scales(self, goal):
-        """Return the divisors of the features for the estimator, which are ones (3,)."""
+        """Return the divisors (3,) of the features' errors for the estimator, which are ones."""
         return np.ones(3)
 
 

@@ -1,4 +1,4 @@
-"""A custom control law is a function: v = -gain L# e, limited in speed."""
+"""Example of a custom control law, which is a function: v = -gain L# e, limited in speed."""
 
 import numpy as np
 
@@ -6,8 +6,14 @@ import servo
 
 
 def slow_law(seen, task, gain=2.0, fastest=0.2):
-    """Return the camera twist (6,) in the camera frame [m/s, rad/s] for the target as it is seen,
-    with a linear speed of at most `fastest` [m/s].
+    """Return the camera twist (6,) in the camera frame [m/s, rad/s] of the law v = -gain L# e,
+    shortened to a linear speed of at most `fastest`.
+
+    Args:
+        seen: The target as it is seen, with the desired view as `goal`.
+        task: The run's task; its features give the error e and the interaction matrix L.
+        gain: Gain [1/s].
+        fastest: Largest linear speed of the camera [m/s].
     """
     features = task.features
     error = features.error(features.values(seen), features.values(seen.goal))

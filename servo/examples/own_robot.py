@@ -1,4 +1,4 @@
-"""A custom robot: three sliding joints and a wrist, written as MJCF."""
+"""Example of a custom robot: three sliding joints and a wrist, written as MJCF."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A custom tracker in the closed loop: template matching by OpenCV."""
+"""Example of a custom tracker in the closed loop: template matching by OpenCV."""
 
 import cv2
 
@@ -6,19 +6,24 @@ import servo
 
 
 class TemplateMatching:
-    """Tracker that finds the rectangle of a picture that correlates best with the target in the
-    first picture.
+    """Tracker that finds the upright rectangle of a picture that correlates best with the target in
+    the first picture; the size of the rectangle never changes.
     """
 
     def init(self, image, rect):
-        """Cut the template out of the first picture (BGR); rect: left, top, width, height [px]."""
+        """Cut the template, the target's appearance, out of the first picture.
+
+        Args:
+            image: The first picture, BGR (H, W, 3).
+            rect: The target's rectangle: left, top, width, height [px].
+        """
         left, top, width, height = map(int, rect)
         self.size = width, height
         self.template = image[top : top + height, left : left + width]
 
     def update(self, image):
-        """Return whether the target is seen in a picture (BGR), and its rectangle: left, top,
-        width, height [px].
+        """Return whether the target is seen in the next picture (BGR, (H, W, 3)), which is when the
+        best correlation is above 0.5, and its rectangle: left, top, width, height [px].
         """
         scores = cv2.matchTemplate(image, self.template, cv2.TM_CCOEFF_NORMED)
         _, best, _, place = cv2.minMaxLoc(scores)

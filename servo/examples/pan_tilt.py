@@ -1,4 +1,6 @@
-"""Two joints: a head that pans and tilts keeps a driving car in the middle of its picture."""
+"""Example of a robot with two joints: a head that pans and tilts keeps a driving car in the middle
+of its picture.
+"""
 
 import servo
 

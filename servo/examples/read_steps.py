@@ -1,4 +1,4 @@
-"""The table of a run, read with pandas and with polars."""
+"""Example of reading the table of a run, steps.parquet, with pandas and with polars."""
 
 import subprocess
 import sys

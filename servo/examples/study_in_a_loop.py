@@ -1,4 +1,4 @@
-"""A study as a loop in Python: three trackers, each with two seeds of one scenario."""
+"""Example of a study as a loop in Python: three trackers, each with two seeds of one scenario."""
 
 import servo
 

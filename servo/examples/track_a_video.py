@@ -1,4 +1,6 @@
-"""A tracker on a video file: here a film of the simulator's camera, with its truth."""
+"""Example of a tracker on a video file, here a film of the simulated camera; its estimates are
+compared with the true positions of the target.
+"""
 
 import av
 import numpy as np

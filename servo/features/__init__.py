@@ -1,5 +1,5 @@
-"""Package of the feature sets, one module each: `Config.build(outline)` returns a `FeatureSet` for
-a target whose reference rectangle has the corners `outline` (4, 3) [m].
+"""Visual feature sets, one module each: `Config.build(outline)` returns a `FeatureSet` for a target
+whose reference rectangle has the corners `outline` (4, 3) in its frame [m].
 """
 
 from __future__ import annotations

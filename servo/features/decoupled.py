@@ -24,10 +24,10 @@ class Config:
 
 @final
 class DecoupledFeatures(PointsAndPose):
-    """Feature set s = (x0, y0, ..., x3, y3, t, theta u) (14,): corners in normalised image
-    coordinates, and translation [m] and rotation vector [rad] of c*Mc, the camera in the frame of
-    the desired camera. The pose controls the camera's translation, and the remaining error of the
-    corners its rotation.
+    """Feature set s = (x0, y0, ..., x3, y3, t, theta u) (14,): the target's corners in normalised
+    image coordinates, and translation [m] and rotation vector [rad] of c*Mc, the pose of the camera
+    in the frame of the desired camera. The pose controls the camera's translation, and the
+    remaining error of the corners its rotation.
 
     Deguchi 1998 (Optimal motion control for image-based visual servoing by decoupling translation
     and rotation, IROS), as Gans, Hutchinson and Corke 2003 describe it: v = -lambda t in the
@@ -36,11 +36,12 @@ class DecoupledFeatures(PointsAndPose):
     """
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, 14) that stands for L# in the law v = -lambda L# e, with the error
-        e of the features and the camera twist v.
+        """Return the matrix (6, 14) that replaces the pseudo-inverse L# in the law v = -lambda L#
+        e, with the feature error e (14,) and the camera twist v (6,) in the camera frame [m/s,
+        rad/s].
 
         Args:
-            L: Interaction matrix (14, 6).
+            L: Interaction matrix (14, 6) of the features.
             values: Features (14,); not used.
             camera: Intrinsics; not used.
         """

@@ -39,8 +39,9 @@ class Config:
 
 @final
 class HomographyFeatures(WithRotation):
-    """Feature set s = (t, theta u) (6,) of c*Mc, the camera in the frame of the desired camera:
-    translation t [m] and rotation vector theta u [rad], from the homography of a plane.
+    """Feature set s = (t, theta u) (6,): translation t [m] and rotation vector theta u [rad] of
+    c*Mc, the pose of the camera in the frame of the desired camera, computed from the homography
+    between the camera's picture and the one taken at the goal.
 
     Benhimane and Malis 2007 (Homography-based 2D visual tracking and servoing, International
     Journal of Robotics Research 26) servo the homography itself; here it is decomposed. Of the
@@ -60,8 +61,13 @@ class HomographyFeatures(WithRotation):
         self._moved: Pose | None = None
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (6,) [m, rad] from the current picture and the goal's picture, which
-        `sight` holds; zeros where the pictures could not be aligned, and then `known` says so.
+        """Return the features (6,) for the current picture: translation [m] and rotation vector
+        [rad] of the camera in the frame of the desired camera. They are zero if the pictures cannot
+        be aligned; `known` is then False.
+
+        Args:
+            sight: The current picture, and in its `goal` the picture at the goal; of the target
+                only the depth at the goal is used.
 
         Raises:
             ValueError: One of the pictures is missing.
@@ -72,14 +78,18 @@ class HomographyFeatures(WithRotation):
         return np.concatenate([moved.translation, theta_u(moved.rotation)])
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return True (6,) for all features if the pictures could be aligned, else False (6,); True
-        for a sight without a picture, as planners give it.
+        """Return six flags (6,), all True if the current picture can be aligned with the one at the
+        goal, else all False; all True too if `sight` has no picture, as in planning.
         """
         return np.full(6, sight.picture is None or self._motion(sight) is not None)
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (6, 6), with ds/dt = L v for a camera twist v (6,) in the
-        camera frame [m/s, rad/s].
+        """Return the interaction matrix L (6, 6) of the features: ds/dt = L v for a camera twist v
+        (6,) in the camera frame [m/s, rad/s] and a scene at rest. If the pictures cannot be aligned
+        it is that at the goal, the identity.
+
+        Raises:
+            ValueError: The current picture or the one at the goal is missing.
         """
         moved = self._motion(sight)
         R = np.eye(3) if moved is None else moved.rotation

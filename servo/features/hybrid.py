@@ -31,9 +31,9 @@ class Config:
 
 @final
 class HybridFeatures(WithRotation):
-    """Feature set s = (x, y, log(Z / Z*), theta u) (6,): normalised image coordinates and depth Z
-    of the target's centre, Z* at the goal, and the rotation vector theta u [rad] of c*Rc, the
-    camera's rotation in the frame of the desired camera.
+    """Feature set s = (x, y, log(Z / Z*), theta u) (6,): normalised image coordinates x, y and
+    depth Z of the target's centre, with Z* the depth at the goal, and the rotation vector theta u
+    [rad] of c*Rc, the rotation of the camera in the frame of the desired camera.
 
     Malis, Chaumette and Boudet 1999 (2 1/2 D visual servoing, IEEE Transactions on Robotics and
     Automation 15). The centre moves on a straight line in the image, and stays in view.
@@ -46,9 +46,10 @@ class HybridFeatures(WithRotation):
     noise = np.array(NOISE)
 
     def values(self, sight: Sight) -> Array:
-        """Return x, y and log(Z / Z*) of the target's centre (normalised coordinates, and depth
-        relative to the goal's), and theta u [rad] of c*Rc, together (6,), from the target's poses
-        in the camera frame now and at the goal.
+        """Return the features (6,) from the target's poses in the camera frame now and at the goal:
+        x and y of the target's centre in normalised image coordinates, the logarithm of its depth
+        over that at the goal, and the rotation vector theta u (3 numbers) [rad] of the camera in
+        the frame of the desired camera.
         """
         X, Y, Z = sight.pose.translation.tolist()
         goal = sight.aim.pose
@@ -56,8 +57,8 @@ class HybridFeatures(WithRotation):
         return np.array([X / Z, Y / Z, log(Z / goal.translation[2]), *turn])
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (6, 6), with ds/dt = L v for a camera twist v (6,) in the
-        camera frame [m/s, rad/s].
+        """Return the interaction matrix L (6, 6) of the features at the present pose: ds/dt = L v
+        for a camera twist v (6,) in the camera frame [m/s, rad/s] and a target at rest.
         """
         X, Y, Z = sight.pose.translation
         x = X / Z

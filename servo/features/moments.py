@@ -30,8 +30,8 @@ over their variance, and what is decided by them, on these too."""
 
 
 class Scaling(Enum):
-    """Choices of the scale K of xn, yn and an: METRIC, the square root of the target's metric area,
-    so that the features are in m; or PAPER, 1, so that they have no unit.
+    """Choices of the scale K of the features xn, yn and an: METRIC, the square root of the target's
+    metric area, so that these are in m; or PAPER, 1, so that they have no unit.
 
     The camera's motion is the same with both; thresholds, adaptive gains and plots differ.
     """
@@ -62,9 +62,10 @@ class Config:
 
 @final
 class MomentFeatures:
-    """Feature set s = (xn, yn, an, theta) (4,) of the target's silhouette: an = K / sqrt(area),
-    which is smaller for a larger silhouette; its centre in normalised image coordinates times an;
-    and the direction theta of its long axis, from right towards down [rad].
+    """Feature set s = (xn, yn, an, theta) (4,) of the target's silhouette with the image area a: an
+    = K / sqrt(a); xn = an xg and yn = an yg, with the centroid (xg, yg) in normalised image
+    coordinates; and the direction theta of the long axis, from right towards down [rad]. The scale
+    K is the square root of the target's metric area [m], or 1.
     """
 
     names = ("xn", "yn", "an", "theta")
@@ -85,47 +86,54 @@ class MomentFeatures:
         self.noise = NOISE
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (xn, yn, an, theta) (4,) of the target in a picture; theta in rad,
-        the others in the unit of the scale K: m, or 1 with the scaling PAPER.
+        """Return the features (xn, yn, an, theta) (4,) from the target's moments; theta is in rad,
+        the others are in the unit of the scale K: m with the scaling METRIC, none with PAPER.
         """
         return of_moments(sight.moments, self.scale)
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (4, 6) with ds/dt = L v, for the camera twist v in the
-        camera frame [m/s, rad/s]; its row of theta is zero for a round silhouette.
+        """Return the interaction matrix L (4, 6) of (xn, yn, an, theta) from the target's moments
+        and plane: ds/dt = L v for a camera twist v (6,) in the camera frame [m/s, rad/s] and a
+        target at rest. Its row of theta is zero for a round silhouette, which has no direction.
         """
         return interaction(sight.moments, sight.plane, self.scale)
 
     def error(self, values: Array, goal: Array) -> Array:
-        """Return the error e = s - s* (4,). Moments do not distinguish the target's front from its
-        back, so the error of theta is wrapped to half a turn, -pi/2 to pi/2.
+        """Return the error e = s - s* (4,) of the features s (`values`) against those at the goal,
+        in their units. Moments do not distinguish the target's front from its back, so the error of
+        theta is wrapped to half a turn, (-pi/2, pi/2].
         """
         e = values - goal
         e[3] = half_turn(e[3])
         return e
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return True (4,) for each feature that is measured: xn and yn always, an with the
-        target's size, theta with its angle, if the silhouette is not nearly round.
+        """Return a flag (4,) for each of xn, yn, an and theta, True if it is measured: xn and yn
+        always, an if the target's size is, theta if its angle is and the silhouette's long axis is
+        more than 1.1 times its short one.
         """
         angle = sight.angle_known and oriented(sight.moments)
         return np.array([True, True, sight.size_known, angle])
 
     def scales(self, goal: Array) -> Array:
-        """Return the numbers (4,) by which an estimator's input is divided: an at the goal for xn,
-        yn and an; 1 for theta.
+        """Return the divisors (4,) of the features' errors for an estimator: the feature an at the
+        goal for xn, yn and an; 1 for theta.
+
+        Args:
+            goal: The features (4,) at the goal.
         """
         an = goal[2]
         return np.array([an, an, an, 1.0])
 
 
 def of_moments(m: Moments, scale: float) -> Array:
-    """Return the features (xn, yn, an, theta) (4,) of a silhouette with moments m; theta in rad,
-    the others in the unit of `scale`.
+    """Return the features (xn, yn, an, theta) (4,) of a silhouette: an = K / sqrt(area), an times
+    the centroid, and the direction of the long axis, from right towards down [rad]. The first three
+    are in the unit of `scale`.
 
     Args:
-        m: Moments in normalised image coordinates.
-        scale: Scale K of xn, yn and an.
+        m: Moments of the silhouette in normalised image coordinates.
+        scale: The scale K: the square root of the target's metric area [m], or 1.
     """
     an = scale / sqrt(m.area)
     theta = atan2(2 * m.mu11, m.mu20 - m.mu02) / 2

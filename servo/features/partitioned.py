@@ -34,15 +34,16 @@ class Config:
 
 @final
 class PartitionedFeatures(OfCorners):
-    """Feature set s = (x0, y0, ..., x3, y3, ln sigma, theta) (10,): the four corners in normalised
-    image coordinates, the square root sigma of the area that they enclose, and the angle theta
-    [rad] of the side from the first corner to the second.
+    """Feature set s = (x0, y0, ..., x3, y3, ln sigma, theta) (10,): the target's four corners in
+    normalised image coordinates, the logarithm of the square root sigma of the area that they
+    enclose, and the angle theta of the side from the first corner to the second, from right towards
+    down [rad].
 
     Corke and Hutchinson 2001 (A new partitioned approach to image-based visual servo control, IEEE
     Transactions on Robotics and Automation 17), equations 8 to 11, without the potential that
-    repels the corners from the border. vz controls ln sigma and wz controls theta, each by its own
-    entry of the interaction matrix. The other four velocities control the corners, after the effect
-    of vz and wz on them.
+    repels the corners from the border. ln sigma controls the camera's velocity vz and theta its
+    rate wz, each by its own entry of the interaction matrix. The corners control the other four
+    velocities, after the effect of vz and wz on them.
     """
 
     names = (*PointFeatures.names, "sigma", "theta")
@@ -52,17 +53,17 @@ class PartitionedFeatures(OfCorners):
     noise = np.array([NOISE] * 8 + [*NOISES])
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (10,) of the target in a picture: x and y of each corner in
-        normalised image coordinates, ln sigma for the area sigma^2, and the angle theta of the side
-        from the first corner to the second [rad].
+        """Return the features (10,) of the target as it is seen: x and y of each corner in
+        normalised image coordinates, ln sigma of the area sigma^2 that they enclose, and the angle
+        theta of the side from the first corner to the second, from right towards down [rad].
         """
         corners = corners_of(sight)
         (dx, dy) = corners[1] - corners[0]
         return np.array([*corners.ravel(), np.log(_area(corners)) / 2, np.arctan2(dy, dx)])
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (10, 6), with ds/dt = L v for a camera twist v (6,) in
-        the camera frame [m/s, rad/s].
+        """Return the interaction matrix L (10, 6) of the features for the target as it is seen:
+        ds/dt = L v for a camera twist v (6,) in the camera frame [m/s, rad/s] and a target at rest.
         """
         corners = corners_of(sight)
         Lx, Ly = corner_rows(sight)
@@ -75,11 +76,12 @@ class PartitionedFeatures(OfCorners):
         return np.vstack([points, wider / (2 * _area(corners)), turned])
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, 10) that stands for L# in the law v = -lambda L# e, with the error
-        e of the features and the camera twist v.
+        """Return the matrix (6, 10) that replaces the pseudo-inverse L# in the law v = -lambda L#
+        e, with the feature error e (10,) and the camera twist v (6,) in the camera frame [m/s,
+        rad/s].
 
         Args:
-            L: Interaction matrix (10, 6).
+            L: Interaction matrix (10, 6) of the features.
             values: Features (10,); not used.
             camera: Intrinsics; not used.
         """

@@ -51,9 +51,10 @@ class Config:
 
 @final
 class PhotometricFeatures(Features):
-    """Feature set s = L+ (I - I*) (6,): the camera displacement [m, rad] that best explains how the
-    pixels' brightness I differs from the goal's I*, with the interaction matrix L of the goal's
-    pixels. So ds/dt is the camera's twist, to first order.
+    """Feature set s = L+ (I - I*) (6,): the camera's displacement from the goal [m, rad] that best
+    explains the difference between the pixels' brightness I and that at the goal, I*, with the
+    interaction matrix L of the pixels at the goal. So ds/dt is the camera twist, to first order.
+    `blur` is the standard deviation of the blur of both pictures at the start [px].
 
     Collewet and Marchand 2011 (Photometric visual servoing, IEEE Transactions on Robotics 27). One
     depth stands for all pixels. The method needs texture, constant light, and a start near the
@@ -77,13 +78,16 @@ class PhotometricFeatures(Features):
         self._goal_inverse = np.zeros((6, 0))
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (6,): the displacement of the camera from its goal, to first order,
-        as translation [m] and rotation vector [rad] in the camera frame. They come from the current
-        picture and the goal's picture, which `sight` holds.
+        """Return the features (6,) for the current picture: the displacement of the camera from its
+        goal, to first order, as translation [m] and rotation vector [rad] in the camera frame.
+
+        Args:
+            sight: The current picture, and in its `goal` the picture and the target's depth at the
+                goal.
 
         Raises:
             ValueError: One of the pictures is missing.
-            Mistake: The picture is too small.
+            Mistake: A picture has 20 px or less in width or height.
         """
         goal = sight.aim
         if goal is not self._goal:
@@ -113,14 +117,15 @@ class PhotometricFeatures(Features):
         return self._widest / 2**halvings if halvings < MOST_HALVINGS else 0.0
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix (6, 6): the identity, since the features are a displacement
-        of the camera.
+        """Return the interaction matrix (6, 6) of the features, which is always the identity: they
+        are a displacement of the camera, so that their rate is the camera twist.
         """
         return np.eye(6)
 
 
 def brightness(picture: CameraImage) -> Array:
-    """Return the grey values (h, w), 0 to 255, of a picture without the 10 px next to each side.
+    """Return the grey values (H - 20, W - 20), 0 to 255 as floats, of a picture (H, W, 3) without
+    the 10 px next to each side.
 
     Raises:
         Mistake: The picture has 20 px or less in width or height.
@@ -129,10 +134,11 @@ def brightness(picture: CameraImage) -> Array:
 
 
 def brightness_matrix(picture: CameraImage, depth: float) -> Array:
-    """Return the interaction matrix (h w, 6) of the grey values (0 to 255) of a picture without the
-    10 px next to each side, for a camera twist in the camera frame: L = -(Ix Lx + Iy Ly), with Lx
-    and Ly the rows of each pixel as a point, Ix and Iy the gradient of the grey values in
-    normalised image coordinates (Collewet and Marchand 2011, equation 9).
+    """Return the interaction matrix L (n, 6) of the grey values (0 to 255) of the n pixels of a
+    picture, row by row, without the 10 px next to each side, for a camera twist in the camera frame
+    [m/s, rad/s]. L = -(Ix Lx + Iy Ly), with Lx and Ly the interaction matrices of each pixel's
+    coordinates, and Ix and Iy the gradient of the grey values in normalised image coordinates
+    (Collewet and Marchand 2011, equation 9).
 
     Args:
         picture: The picture, with its camera.

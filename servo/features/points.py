@@ -29,12 +29,13 @@ class Config:
 
 @final
 class PointFeatures(OfCorners):
-    """Feature set s = (x0, y0, ..., x3, y3) (8,): normalised image coordinates of the target's four
-    corners.
+    """Feature set s = (x0, y0, ..., x3, y3) (8,): the target's four corners in normalised image
+    coordinates.
 
     Chaumette and Hutchinson 2006 (Visual servo control, part I: basic approaches, IEEE Robotics and
     Automation Magazine 13). To correct a rotation about the optical axis, the camera also retreats
-    (`matrix = "current"`) or approaches ("desired"); it fails to correct half a turn.
+    if the law uses the interaction matrix of the present picture (`matrix = "current"`), and
+    approaches with that of the goal ("desired"); it fails to correct half a turn.
     """
 
     names = tuple(f"{axis}{i}" for i in range(4) for axis in "xy")
@@ -43,13 +44,14 @@ class PointFeatures(OfCorners):
     noise = np.full(8, NOISE)
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (8,) of the target in a picture: x and y of each corner, in
-        normalised image coordinates.
+        """Return a new array of the features (8,) of the target as it is seen: x and y of each
+        corner in normalised image coordinates.
         """
         return corners_of(sight).flatten()  # a copy, so that callers may change it in place
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (8, 6) with ds/dt = L v, for the camera twist v in the
-        camera frame [m/s, rad/s]; each corner has its own depth in the target's plane.
+        """Return the interaction matrix L (8, 6) of the features for the target as it is seen:
+        ds/dt = L v for a camera twist v (6,) in the camera frame [m/s, rad/s] and a target at rest.
+        Each corner has its own depth in the target's plane.
         """
         return np.stack(corner_rows(sight), axis=1).reshape(8, 6)

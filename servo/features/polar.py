@@ -30,9 +30,9 @@ class Config:
 
 @final
 class PolarFeatures(OfCorners):
-    """Feature set s = (rho0, theta0, ..., rho3, theta3) (8,): distance rho of each corner from the
-    optical axis, in normalised image coordinates, and its direction theta from there, from right
-    towards down [rad].
+    """Feature set s = (rho0, theta0, ..., rho3, theta3) (8,): distance rho of each of the target's
+    corners from the optical axis in normalised image coordinates, and direction theta of the corner
+    as seen from the axis, from right towards down [rad].
 
     Iwatsuki and Okiyama 2005 (A new formulation of visual servoing based on cylindrical coordinate
     system, IEEE Transactions on Robotics 21). Ill-conditioned if a corner is near the optical axis.
@@ -45,15 +45,16 @@ class PolarFeatures(OfCorners):
     noise = np.array(NOISE * 4)
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (8,) of the target in a picture: distance (normalised) and direction,
-        from right towards down [rad], of each corner from the optical axis.
+        """Return the features (8,) of the target as it is seen: for each corner its distance from
+        the optical axis in normalised image coordinates, and its direction from there, -pi to pi,
+        from right towards down [rad].
         """
         x, y = corners_of(sight).T
         return np.column_stack([np.hypot(x, y), np.arctan2(y, x)]).ravel()
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (8, 6), with ds/dt = L v for a camera twist v (6,) in the
-        camera frame [m/s, rad/s].
+        """Return the interaction matrix L (8, 6) of the features for the target as it is seen:
+        ds/dt = L v for a camera twist v (6,) in the camera frame [m/s, rad/s] and a target at rest.
         """
         (x, y) = corners_of(sight).T[..., None]
         (Lx, Ly) = corner_rows(sight)

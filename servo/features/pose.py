@@ -37,9 +37,10 @@ class Config:
 
 @final
 class PoseFeatures(WithRotation):
-    """Feature set s = (t, theta u) (6,): translation t [m] of c*Mc (the camera in the frame of the
-    desired camera) or of cMo (the target in the camera frame), and rotation vector theta u [rad] of
-    c*Rc.
+    """Feature set s = (t, theta u) (6,) of position-based servoing. The translation t [m] is, as
+    set, that of c*Mc ("cdMc", the pose of the camera in the frame of the desired camera) or of cMo
+    ("cMo", the pose of the target in the camera frame). The rotation vector theta u [rad] is always
+    that of c*Mc.
 
     Chaumette and Hutchinson 2006 (Visual servo control, part I: basic approaches, IEEE Robotics and
     Automation Magazine 13), equations 16 to 19. With "cdMc" the corners may leave the picture.
@@ -55,24 +56,25 @@ class PoseFeatures(WithRotation):
         self._camera_moves = error == "cdMc"
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (6,) of the target in a picture: the translation t [m], of the camera
-        in the desired camera's frame ("cdMc") or of the target in the camera frame ("cMo"), and the
-        rotation vector theta u [rad] of c*Rc.
+        """Return the features (6,) from the target's poses in the camera frame now and at the goal:
+        the translation [m] of the camera in the frame of the desired camera (setting "cdMc") or of
+        the target in the camera frame ("cMo"), and the rotation vector [rad] of the camera in the
+        frame of the desired camera.
         """
         moved = sight.aim.pose @ sight.pose.inverse()
         t = moved.translation if self._camera_moves else sight.pose.translation
         return np.concatenate([t, theta_u(moved.rotation)])
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return True (6,) for each feature that is measured. Without the target's angle none is;
-        with it x, y and rz are, z if its size is measured too, and rx and ry if the tilt of its
-        plane is.
+        """Return a flag (6,) for each of x, y, z, rx, ry and rz, True if it is measured. Without
+        the target's angle none is; with it x, y and rz are, z if its size is measured too, and rx
+        and ry if the tilt of its plane is.
         """
         return super().known(sight) & sight.angle_known
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (6, 6), with ds/dt = L v for a camera twist v (6,) in the
-        camera frame [m/s, rad/s].
+        """Return the interaction matrix L (6, 6) of the features at the present pose: ds/dt = L v
+        for a camera twist v (6,) in the camera frame [m/s, rad/s] and a target at rest.
         """
         R = sight.aim.pose.rotation @ sight.pose.rotation.T
         L = np.zeros((6, 6))

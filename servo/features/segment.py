@@ -38,9 +38,9 @@ class Config:
 
 @final
 class SegmentFeatures(OfCorners):
-    """Feature set s = (xc, yc, l, alpha) of each of the target's two sides along its nose (8,):
-    middle, length and angle [rad] in normalised image coordinates. With `normalised` they are
-    (xc/l, yc/l, 1/l, alpha).
+    """Feature set (8,): s = (xc, yc, l, alpha) for each of the two sides of the target's rectangle
+    along its nose: the middle and length in normalised image coordinates, and the angle [rad]. With
+    `normalised` they are (xc/l, yc/l, 1/l, alpha).
 
     Espiau, Chaumette and Rives 1992 (A new approach to visual servoing in robotics, IEEE
     Transactions on Robotics and Automation 8); alpha is the direction from the front corner to the
@@ -58,9 +58,10 @@ class SegmentFeatures(OfCorners):
         self.noise = np.array(NOISE * 2) * ([10, 10, 10, 1] * 2 if normalised else 1.0)
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (8,) of the target in a picture: middle, length and angle
-        (normalised, if so set) of the side from the first corner to the second, then those of the
-        side from the fourth to the third.
+        """Return the features (8,) of the target as it is seen: middle (xc, yc) and length l in
+        normalised image coordinates, and angle alpha [rad], of the side from the first corner to
+        the second, then those of the side from the fourth to the third. With the setting
+        `normalised`, (xc/l, yc/l, 1/l) replace (xc, yc, l).
         """
         middle, back, length = self._segments(sight)
         alpha = np.arctan2(back[:, 1], back[:, 0])
@@ -69,8 +70,8 @@ class SegmentFeatures(OfCorners):
         return np.column_stack([middle, length, alpha]).ravel()
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (8, 6) with ds/dt = L v, for the camera twist v in the
-        camera frame [m/s, rad/s].
+        """Return the interaction matrix L (8, 6) of the features for the target as it is seen:
+        ds/dt = L v for a camera twist v (6,) in the camera frame [m/s, rad/s] and a target at rest.
         """
         middle, back, length = self._segments(sight)
         Lx, Ly = corner_rows(sight)

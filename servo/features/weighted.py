@@ -35,9 +35,11 @@ class Config:
 
 @final
 class WeightedFeatures(PointsAndPose):
-    """Feature set s = (x0, y0, ..., x3, y3, t, theta u) (14,) of corners and pose with weights: 1
-    for the pose; for a coordinate of a corner 0 in the inner part of the picture, and larger the
-    nearer the corner is to a side of the picture.
+    """Feature set s = (x0, y0, ..., x3, y3, t, theta u) (14,): the target's corners in normalised
+    image coordinates, and translation [m] and rotation vector [rad] of c*Mc, the pose of the camera
+    in the frame of the desired camera. Each feature has a weight: 1 for the pose; for a coordinate
+    of a corner 0 in the inner part of the picture, and larger the nearer it is to a side of the
+    picture.
 
     Kermorgant and Chaumette 2011 (Combining IBVS and PBVS to ensure the visibility constraint,
     IROS) and 2014 (Dealing with constraints in sensor-based robot control, IEEE Transactions on
@@ -51,13 +53,14 @@ class WeightedFeatures(PointsAndPose):
         self._border = border
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix L# (6, 14) of the law v = -lambda L# e, which maps the error e of the
-        features to the camera twist v: a weighted pseudo-inverse of L, whose weights depend on the
-        corners' positions in the picture.
+        """Return the matrix (6, 14) that replaces the pseudo-inverse L# in the law v = -lambda L#
+        e, with the feature error e (14,) and the camera twist v (6,) in the camera frame [m/s,
+        rad/s]: a pseudo-inverse of L with the weights of the corners at their present places in the
+        picture.
 
         Args:
-            L: Interaction matrix (14, 6).
-            values: Features (14,); the first eight are the corners' coordinates.
+            L: Interaction matrix (14, 6) of the features.
+            values: Features (14,); the first eight are the corners' normalised image coordinates.
             camera: Intrinsics, and size of the picture.
         """
         h = np.ones(len(L))

@@ -1,5 +1,5 @@
-"""Goal at which the camera sees the target at a pixel, an angle, a depth and a tilt; the depth may
-change to another one at constant speed, once in the run.
+"""Goal at which the target has a given position and angle in the picture, a given depth and a given
+tilt; the depth may change once in the run, at constant speed.
 """
 
 from dataclasses import dataclass, replace
@@ -54,8 +54,9 @@ class GoalConfig:
     """Duration of the change, at constant speed [s]."""
 
     def depth_at(self, time: float) -> float:
-        """Return the desired distance of the target [m] at a time of the run [s]: `depth`, and with
-        `depth_to` a linear change to that.
+        """Return the desired distance of the target [m] at a time of the run [s]: `depth`; if
+        `depth_to` is set, it changes linearly from `depth` to `depth_to`, from `change_start` on
+        for `change_duration`.
         """
         done = min(max((time - self.change_start) / self.change_duration, 0.0), 1.0)
         return self.depth + done * ((self.depth_to or self.depth) - self.depth)
@@ -63,9 +64,9 @@ class GoalConfig:
 
 @final
 class Faced:
-    """Goal given by the target's pixel, angle, depth and tilt in the picture; without a tilt the
-    camera faces the target (its plane is parallel to the image). The depth may change once in the
-    run.
+    """Goal given by the target's position [px], angle, depth and tilt; without a tilt the target's
+    plane is parallel to the image. The depth may change once in the run. For each time it returns
+    the desired view of the target: moments, corners, plane and pose in the camera frame.
     """
 
     def __init__(
@@ -102,8 +103,9 @@ class Faced:
         self._to_sight = EstimateToSight(SightConfig(), seen, region, outline, depth_factor)
 
     def truth(self, time: float, T_world_camera: Pose) -> Truth:
-        """Return the poses in the world frame, and the centre [px], angle [rad], size [px/m] and
-        corners [px] in the picture, of a target at its goal in front of a camera with a given pose.
+        """Return where a target at its goal would be, for a camera with a given pose: the poses of
+        camera and target in the world frame, and the target's centre [px], angle [rad], size [px/m]
+        and corners (4, 2) [px] in the picture.
 
         Args:
             time: Time of the run [s], by which the goal's depth may change.
@@ -121,7 +123,8 @@ class Faced:
         )
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight:
-        """Return the desired view of the target (moments, corners, plane) at the time of a frame.
+        """Return the desired view of the target at the time of a frame: moments and corners in
+        normalised image coordinates, and plane and pose in the camera frame.
 
         Args:
             frame: The frame; only its time is used.
@@ -131,15 +134,16 @@ class Faced:
         return self.sight_at(frame.time, by_corners=by_corners)
 
     def sight_at(self, time: float, *, by_corners: bool = False) -> Sight:
-        """Return the desired view of the target (moments, corners, plane in the camera frame) at a
-        time of the run [s].
+        """Return the desired view of the target at a time of the run: moments and corners in
+        normalised image coordinates, and plane and pose in the camera frame.
 
         Args:
             time: Time of the run [s].
             by_corners: True for a tracker that reports the target's four corners: through a lens
                 that distorts, or with pixels that are not square, the desired corners are then
                 those of the rectangle's distorted picture. False: they are those of a rectangle in
-                the picture, which is all that the tracker can report.
+                the picture, which is all that the tracker can report. It has no effect on a tilted
+                goal.
         """
         depth = self._config.depth_at(time)
         if (depth, by_corners) not in self._sights:

@@ -1,5 +1,5 @@
 """Goal of a target that the robot holds in front of a standing camera: a pose relative to a leader,
-a second tag that `[motion]` moves and that is detected in each picture.
+which is a second tag that moves and is detected in each picture.
 """
 
 from typing import final
@@ -21,8 +21,9 @@ STANDS = Pose(np.eye(3), np.zeros(3))
 
 @final
 class Led:
-    """Goal of a target that the robot holds in front of a standing camera: a pose relative to the
-    leader, a second tag that `[motion]` moves and that is detected in each picture.
+    """Goal of a target that the robot holds in front of a standing camera: a pose relative to a
+    leader, which is a second tag that moves. It detects the tag in each picture, and returns the
+    desired view of the target: moments, corners, plane and pose in the camera frame.
     """
 
     moved_by = "leader.id"
@@ -48,9 +49,13 @@ class Led:
         self._to_sight = EstimateToSight(SightConfig(), camera, region, outline, depth_factor)
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
-        """Return the desired view of the held target (moments, corners, plane and pose in the
-        camera frame) for a picture; None if the leader's tag is not found in it, or the tag's
-        corners fit no pose. `by_corners` is not used.
+        """Return the desired view of the held target for a picture: moments and corners in
+        normalised image coordinates, and plane and pose in the camera frame. The result is None if
+        the leader's tag is not found in the picture, or its corners fit no pose.
+
+        Args:
+            frame: The picture in which the leader's tag is detected.
+            by_corners: Not used.
         """
         if self._number is not None:
             self._seen = self._tags.find(frame.image, self._number, self._seen)

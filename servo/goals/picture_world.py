@@ -1,4 +1,6 @@
-"""What differs in the world when the picture at the goal is taken: light, noise and clutter."""
+"""Differences between the world of the run and that in which the picture at the goal is taken:
+light, noise and clutter.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -34,11 +36,15 @@ class AtGoalConfig:
     """Whether the clutter stood at other places, drawn by the seed of the run."""
 
     def camera(self, own: CameraConfig) -> CameraConfig:
-        """Return the run's camera settings with the changes of this table."""
+        """Return a copy of the run's camera settings in which those of brightness and noise that
+        are set here are replaced.
+        """
         return replace(own, **_given(brightness=self.camera_brightness, noise=self.camera_noise))
 
     def light(self, own: LightConfig) -> LightConfig:
-        """Return the run's settings of the lamp with the changes of this table."""
+        """Return a copy of the run's settings of the lamp in which those of strength, azimuth and
+        elevation that are set here are replaced.
+        """
         changes = _given(
             strength=self.light_strength,
             azimuth_deg=self.light_azimuth_deg,
@@ -47,7 +53,9 @@ class AtGoalConfig:
         return replace(own, **changes)
 
     def clutter(self, own: ClutterConfig) -> ClutterConfig:
-        """Return the run's settings of the clutter with the changes of this table."""
+        """Return the run's settings of the clutter, with the number of objects replaced if
+        `clutter_number` is set. The objects' places are not changed here.
+        """
         number = self.clutter_number
         return own if number is None else replace(own, number=number)
 

@@ -1,4 +1,6 @@
-"""Goal with the picture that the camera takes there, for features and policies that use pixels."""
+"""Goal together with the picture that the camera takes there, for features and policies
+(controllers) that use pixels.
+"""
 
 from dataclasses import replace
 from typing import final
@@ -10,8 +12,8 @@ from sim.types import Frame
 
 @final
 class Shown:
-    """Goal source that takes the desired views of another goal source, and adds the camera's
-    picture at the goal to them.
+    """Source of goals that returns the desired views of another source, and adds the picture that
+    the camera takes at the goal to them. That goal must not move.
     """
 
     moved_by = ""
@@ -34,8 +36,12 @@ class Shown:
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
         """Return the desired view of the target for a picture, with the picture at the goal. If the
-        stored goal source returns None, it is the last desired view, or None if there was none yet.
-        `by_corners` is passed on to that source.
+        wrapped source does not know the goal now (it returns None), return the last desired view,
+        or None if there was none yet.
+
+        Args:
+            frame: The present picture, which is passed on to the wrapped source.
+            by_corners: Whether the tracker reports the target's corners; passed on likewise.
         """
         bare = self._goal.sight(frame, by_corners=by_corners)
         if bare is not None and bare is not self._bare:

@@ -1,3 +1,3 @@
-"""Package of the closed loop: pictures in, camera twists out; the steps of a run, and the measures
-computed from them.
+"""Closed loop of tracker and control law: pictures in, camera twists out; the steps of a run (one
+for each frame), and the measures computed from them.
 """

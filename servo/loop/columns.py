@@ -1,5 +1,5 @@
-"""Numbers of a run's steps as columns (one array for each number, one row for each step), from
-which measures and series are computed.
+"""Numbers of a run's steps as columns (one array for each number, one row for each step, that is,
+for each frame), from which measures and time series are computed.
 
 A whole step takes 7 kB, its numbers 400 bytes, so that long runs fit into memory.
 """
@@ -26,8 +26,10 @@ ROOM = 0
 
 
 class Columns:
-    """Numbers of all steps of a run so far, as columns, and a few whole steps without pictures: the
-    first, those of the last second, and those of the last second in which the target was not lost.
+    """Numbers of all steps of a run so far (a step is one frame), as columns: `columns[name]` is an
+    array (n, ...) with one row for each of n steps, for a name of `NUMBERS`. Besides, some whole
+    steps, without pictures: the first one (`first`), those of the last second (`final`), and the
+    last second of those whose tracker status was not LOST (`followed`).
     """
 
     first: Step
@@ -44,7 +46,7 @@ class Columns:
     @staticmethod
     def of(steps: Columns | Iterable[Step]) -> Columns:
         """Return the columns of a run, computed from its steps; if `steps` are columns already,
-        return them unchanged.
+        return the same object.
         """
         if isinstance(steps, Columns):
             return steps
@@ -57,15 +59,18 @@ class Columns:
         return len(self._rows) // self._kind.itemsize if self._rows else 0
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return a column (n, ...), one row for each step, by its name: one of `NUMBERS`, or
-        "other_picture", which is True for the steps whose estimate was made from another picture
-        than the estimate of the step before.
+        """Return a column, an array (n, ...) with one row for each of n steps, as a view of the
+        memory: no row can be added while it exists.
+
+        Args:
+            name: A key of `NUMBERS`, or "other_picture": True for the steps whose estimate was made
+                from another picture than the estimate of the step before.
         """
         return np.frombuffer(self._rows, self._kind)[name]
 
     def add(self, step: Step) -> None:
-        """Append a row for the next step of the run: the numbers of `NUMBERS`, and "other_picture";
-        and update `first`, `final` and `followed`.
+        """Append the numbers of a step, the next one of the run, as a row, and update `first`,
+        `final` and `followed`, which hold whole steps without pictures.
         """
         row = {name: np.asarray(of(step)) for name, of in NUMBERS.items()}
         last = self.final[-1] if self.final else step

@@ -1,5 +1,5 @@
 """One run of a scenario: a simulated world, and a loop of tracker and control law that acts in it,
-step by step.
+frame by frame.
 """
 
 from collections import deque
@@ -42,9 +42,9 @@ Kept = dict[str, tuple[object, object]]
 
 @dataclass(frozen=True, slots=True)
 class Advance:
-    """Motion of the simulated world over one frame interval: the mean commanded twist of the camera
-    in its own frame [m/s, rad/s], the joint limits that were hit, and the wall-clock time of the
-    physics [s].
+    """Motion of the simulated world over one frame interval: the mean (6,) of the camera twists
+    that were commanded [m/s, rad/s], in the camera frame; the names of the joints that were at a
+    limit; and the wall-clock time of the physics [s].
     """
 
     twist: Array
@@ -67,12 +67,14 @@ class ImpossibleStart(Mistake):
 
 
 class Episode:
-    """A run of a scenario that is ready to begin. Iterate over its steps once, and close it.
+    """One run of a scenario: a simulated world, and the loop of tracker and control law that acts
+    in it, ready to begin. Iterating over it, once, yields the steps of the run, one for each frame;
+    as a context manager it closes its world at the end.
 
     Raises:
         Mistake: The scenario's settings contradict each other or are impossible; `ImpossibleStart`
-            if the robot cannot be at the start.
-        PartFailed: A component raised an exception; the message names the component.
+            if the robot cannot reach the start pose.
+        PartFailed: A component (tracker, robot, ...) raised an exception; the message names it.
         NoRenderer: This machine cannot render.
     """
 
@@ -131,7 +133,10 @@ class Episode:
 
     def close(self, *_: object) -> None:
         """Close the world and its renderer, and release the running loop, so that a tracker's
-        process can end.
+        process can end. The episode cannot be used afterwards.
+
+        Args:
+            _: The exception that ended a `with` block; ignored.
         """
         if hasattr(self, "world"):
             self.world.close()
@@ -376,8 +381,9 @@ class Episode:
 
     def look(self) -> Step:
         """Take the next picture, run tracker and law on the pictures that the tracker finishes in
-        this frame interval (without delays, on this picture), and return the step as it is before
-        the camera moves. To be followed by `move`, which completes the step.
+        this frame interval (without delays, on this picture), and return the step (the data of this
+        frame). Call `move` next, which moves the camera and completes the step: twist, limits and
+        time of the physics are still zero or empty here.
         """
         timeline = self._timeline
         began = perf_counter()
@@ -417,9 +423,9 @@ class Episode:
 
     @property
     def sight(self) -> Sight | None:
-        """View of the target (moments, corners, plane, pose) in the picture from which the law's
-        last command was computed; None if the target was not seen in it, or the law has not
-        computed a command yet.
+        """The target in the picture from which the law's last command was computed: moments and
+        corners in normalised image coordinates, plane and pose in the camera frame; None if the
+        target was not seen in it, or the law has not computed a command yet.
         """
         return self._timeline.latest.decision.sight
 
@@ -438,13 +444,13 @@ class Episode:
         return self.world.moment()
 
     def move(self, step: Step, twist: Array | None = None) -> Step:
-        """Advance the world to the next picture, and return the complete step, with the motion
-        until then.
+        """Advance the world by one frame interval, and return the step with the data of this
+        motion: commanded twist, joints at a limit, and the physics' wall-clock time [s].
 
         Args:
             step: The step that `look` returned.
             twist: Camera twist (6,) in the camera frame [m/s, rad/s] that replaces the law's
-                commands of this step (an episode needs `steered=True` for it); without a new
+                commands of this step (only for an episode made with `steered=True`); without a new
                 command in this step it has no effect. None: the law's commands act.
         """
         passed = self.advance(twist)
@@ -463,11 +469,12 @@ class Episode:
         )
 
     def advance(self, twist: Array | None = None) -> Advance:
-        """Advance the world to the next picture, and return the camera's motion until then.
+        """Advance the world by one frame interval, and return the camera's commanded motion in it.
+        `move` does the same, and stores the result in a step.
 
         Args:
             twist: Camera twist (6,) in the camera frame [m/s, rad/s] that replaces the law's
-                commands of this step (an episode needs `steered=True` for it); without a new
+                commands of this step (only for an episode made with `steered=True`); without a new
                 command in this step it has no effect. None: the law's commands act.
         """
         if twist is not None:
@@ -495,9 +502,9 @@ class Episode:
 
 
 def run(scenario: Setup) -> Iterator[Step]:
-    """Run a scenario, yield its steps one after the other, from the first frame to the last, and
-    close the world at the end. The exceptions are those of `Episode`, which is made when the first
-    step is asked for.
+    """Run a scenario: yield its steps (the data of one frame each) from the first frame to the
+    last, and close the simulated world at the end. The first `next` builds the world, and raises
+    what `Episode` raises for a scenario that cannot run.
     """
     with Episode(scenario) as episode:
         yield from episode

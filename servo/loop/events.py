@@ -11,7 +11,9 @@ from tracking.types import Status
 
 
 class Event(Enum):
-    """An event of a run; its value is the sentence for the log."""
+    """A change during a run that is worth a line in its log, such as that the target is lost; the
+    value of each member is that line, a sentence.
+    """
 
     OCCLUDED = "The target's appearance has changed: perhaps it is occluded."
     LOST = "The target is lost."
@@ -34,10 +36,14 @@ STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED:
 
 
 def events(before: Step | None, step: Step) -> list[Event]:
-    """Return the events that happen at a step: what differs from the step before.
+    """Return what changes at a step (one frame) against the step before: the status of the tracker,
+    whether there is a picture, the mode of the controller, whether a limit slows the camera,
+    whether the tracker's size is refused, and whether the camera cannot keep the whole target in
+    view. The list is empty if nothing changes.
 
     Args:
-        before: The previous step; None for the first step.
+        before: The previous step; None for the first step, which is compared with a target that is
+            tracked and a camera that no limit slows.
         step: The present step.
     """
     found: list[Event] = []
@@ -61,14 +67,16 @@ def events(before: Step | None, step: Step) -> list[Event]:
 
 
 def remarks_on_tracker(run: Columns, *, is_guest: bool = False) -> str:
-    """Return sentences, without the last full stop, that count the pictures in which the tracker's
-    centre, angle or size was too uncertain, or its size impossible, to be servoed, and one about a
-    size that never changed; "" if all was certain and possible, or if pixels are servoed.
+    """Return sentences about a tracker's estimates that the control law did not use: in how many
+    pictures centre, angle or size was too uncertain, and in how many the size had changed more than
+    is possible. "" if there were none, or if the features are made of pixels, which need no
+    tracker. The last sentence has no full stop.
 
     Args:
         run: The numbers of the run.
         is_guest: Whether the tracker is one of another author, whose boxes may never change their
-            size; only then is the last sentence returned.
+            size: then one more sentence says so, if the size never changed in 10 pictures or more
+            and a feature needs it.
     """
     last = run.final[-1]
     if last.goal_sight.picture is not None:

@@ -18,11 +18,12 @@ ROUNDING = 1e-6
 
 
 def check_setup(setup: Setup, camera: Camera, outline: Array) -> None:
-    """Check the types and numbers of the arguments of `Loop`: a scenario, a camera, and an outline,
-    the corners (4, 3) [m] of a level rectangle, clockwise as seen from above.
+    """Check the types and numbers of the arguments of `Loop`: a scenario, the camera's intrinsics,
+    and an outline, which is the corners (4, 3) [m] of a rectangle at one height, clockwise as seen
+    from above.
 
     Raises:
-        ValueError: An argument has the wrong type, or invalid numbers.
+        ValueError: An argument has the wrong type or shape, or invalid numbers.
     """
     check_type("scenario", setup, Setup)
     check_type("camera", camera, Camera)
@@ -40,8 +41,14 @@ def check_setup(setup: Setup, camera: Camera, outline: Array) -> None:
 
 def check_start(frame: Frame, camera: Camera, region: Region, state: State) -> None:
     """Check the arguments with which a loop is started: the types of frame, region and state, the
-    sizes of picture and depth picture, and that the frame's time is finite. The tracker checks the
-    numbers of the region.
+    sizes of picture and depth picture, and that the frame's time is finite. The numbers of region
+    and state are not checked here, but by the tracker.
+
+    Args:
+        frame: The first picture.
+        camera: The camera whose size the picture should have.
+        region: The target's rectangle in that picture.
+        state: The target's state in that picture.
 
     Raises:
         ValueError: An argument has the wrong type, size or time.
@@ -52,11 +59,11 @@ def check_start(frame: Frame, camera: Camera, region: Region, state: State) -> N
 
 
 def check_frame(frame: Frame, camera: Camera) -> None:
-    """Check that picture and depth picture of a frame have the size of the camera's, and that the
-    frame's time is finite.
+    """Check that a frame's picture is (height, width, 3) of uint8 with the camera's height and
+    width, its depth picture, if there is one, (height, width) of floats, and its time finite.
 
     Raises:
-        ValueError: A picture has another size or type, or the time is not finite.
+        ValueError: A picture has another shape or type, or the time is not finite.
     """
     check_type("frame", frame, Frame)
     check_picture("frame", frame.image, camera)
@@ -103,13 +110,13 @@ def _type_of(values: object) -> str:
 
 
 def check_posture(posture: Posture) -> None:
-    """Check the shapes and numbers of the posture that a robot reports. Infinite or nan elements of
-    its Jacobian are allowed: a law then does not use it; so are infinite limits.
+    """Check the types, shapes and numbers of the posture that a robot reports. Infinite joint
+    limits are allowed, and so are infinite or nan elements of the Jacobian.
 
     Raises:
-        ValueError: An object has the wrong type, another number is not finite or above 1e9, an
-            array has another shape, a lower limit is above the upper one, or the rotation is no
-            rotation matrix.
+        ValueError: An object has the wrong type, an array the wrong shape, another number is not
+            finite or its absolute value above 1e9, a lower joint limit is above the upper one, or
+            the rotation is no rotation matrix.
     """
     check_type("posture", posture, Posture)
     p = posture
@@ -142,10 +149,15 @@ def check_posture(posture: Posture) -> None:
 
 
 def check_type(name: str, value: object, kind: type) -> None:
-    """Check that an argument is an object of a class.
+    """Check that an argument is an object of a class or its subclasses.
+
+    Args:
+        name: Name of the argument, with which the error's message begins.
+        value: The argument.
+        kind: The class.
 
     Raises:
-        ValueError: The object is of another class; the message begins with the argument's name.
+        ValueError: The object is of another class.
     """
     if not isinstance(value, kind):
         raise ValueError(f"{name}: expected a {kind.__name__}, got a {type(value).__name__}")

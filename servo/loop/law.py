@@ -26,8 +26,9 @@ NO_TRUTH = (
 
 @final
 class Law:
-    """Feature set, estimator and controller of a scenario, built, and checked against their
-    contracts.
+    """The control law of a scenario: its feature set, estimator and controller, built, and checked
+    against their contracts. After `start`, `command` computes a camera twist from the target as it
+    is seen in each picture.
     """
 
     def __init__(
@@ -81,11 +82,13 @@ class Law:
 
     @property
     def uses_pictures(self) -> bool:
-        """Whether the estimator, the controller or the feature set uses the pictures themselves."""
+        """Whether the estimator, the controller or the feature set declares that it uses the
+        camera's pictures themselves.
+        """
         return Channel.PICTURE in self.needs
 
     def check(self, *, depths: bool, true_motion: bool) -> None:
-        """Check that the data which the components need is available.
+        """Check that the data which feature set, estimator and controller need is available.
 
         Args:
             depths: Whether the camera delivers depth pictures.
@@ -112,10 +115,10 @@ class Law:
             raise ValueError(NO_TRUTH)
 
     def start(self, goal: Sight, frames_late: float) -> None:
-        """Begin a run of estimator and controller.
+        """Begin a run: start the estimator, then the controller, with the goal.
 
         Args:
-            goal: The desired view of the target.
+            goal: The desired view of the target at the beginning of the run.
             frames_late: Delay from an estimate to the effect of its command [frame intervals].
 
         Raises:
@@ -133,8 +136,11 @@ class Law:
 
     def check_followed(self, estimate: Estimate) -> None:
         """Check that at least one feature can be measured from what the tracker follows (angle,
-        size, corners), as its first estimate of a visible target reports. `start` must have been
-        called.
+        size, corners). `start` must have been called.
+
+        Args:
+            estimate: The tracker's first estimate with a visible target; `follows` and `corners`
+                say what it follows.
 
         Raises:
             PartFailed: No feature can be measured.
@@ -156,14 +162,15 @@ class Law:
         interval: float,
         view: Callable[[Channels], View],
     ) -> Command:
-        """Return the controller's command after a picture.
+        """Return the controller's command, a camera twist, after a picture.
 
         Args:
-            sight: View of the target; None if the target is not seen.
+            sight: The target as it is seen in this picture: moments, corners, plane and pose in the
+                camera frame; None if it is not seen.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
-            interval: Time since the previous picture [s].
-            view: Function that returns, from the channels that a component needs, the data of these
-                channels for this picture.
+            interval: Time since the previous picture that the tracker took [s].
+            view: Function that takes the kinds of additional data (channels) that a component
+                declares, and returns these data for this picture.
 
         Raises:
             PartFailed: A component raised an exception, or returned an invalid value.
@@ -179,16 +186,16 @@ class Law:
         return command
 
     def motion_measured(self, command: Command, sight: Sight | None, interval: float) -> Array:
-        """Return the mean de/dt (k,) since the previous picture that the target's own motion
-        caused, as measured, in the features' units per second; nan for features that were not
-        measured in both pictures, or if the command has no trace. To be called once for each
-        picture: it stores the error for the next call.
+        """Return the measured rate (k,) at which the target's own motion changed the k features
+        since the previous picture, in their units per second; nan for a feature that was not
+        measured in both pictures, all nan if the command has no intermediate results (`trace`).
+        Call it once for each picture, in order: it stores the error for the next call.
 
         Args:
-            command: The command after this picture, with the features and the camera's part in its
-                trace.
+            command: The command after this picture; its `trace` has the features' errors and the
+                camera's part of their rates.
             sight: View of the target in this picture; None if the target is not seen.
-            interval: Time since the previous picture [s].
+            interval: Time since the previous picture that the tracker took [s].
         """
         trace = command.trace
         if trace is None or sight is None:

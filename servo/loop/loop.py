@@ -1,5 +1,5 @@
-"""Closed loop of tracker and control law without a world: pictures and postures in, camera twists
-out.
+"""Closed loop of tracker and control law without a simulated world: pictures and robot postures in,
+camera twists out.
 
 It serves a simulated or a real camera and robot alike:
 
@@ -32,13 +32,13 @@ from tracking.types import Estimate, Region, State
 
 
 class TrueMotion(Protocol):
-    """Function that returns the mean de/dt (k,), in the features' units per second, that the
-    target's own motion causes between two times of a run; only a simulation has this function.
+    """Function that returns the rate at which the target's own motion changes the features in a
+    time interval; only a simulation has it.
     """
 
     def __call__(self, picture: int, begin: float, end: float) -> Array:
-        """Return the mean de/dt (k,), in the features' units per second, that the target's own
-        motion causes between two times of the run.
+        """Return the mean rate (k,), in the units of the k features per second, at which the
+        target's own motion changes them between two times of the run.
 
         Args:
             picture: Number of a picture, from 0. The camera is assumed to keep the pose relative to
@@ -51,9 +51,10 @@ class TrueMotion(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """A picture, the tracker's estimate from it (or the last one, if the frame has no picture), the
-    time since the previous frame [s], the wall-clock time of tracker and policy [s], and the
-    command of a policy, a controller that uses pictures.
+    """What the tracker reports on a picture: its estimate (the previous one, if the camera
+    delivered no picture), the time since the previous picture [s], and the wall-clock time that it
+    took [s]; for a policy, a controller that uses pictures, also its command, whose time is
+    included.
     """
 
     frame: Frame
@@ -69,8 +70,9 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """Result of the law for a picture: the tracker's estimate, the view of the target, the command,
-    the measured de/dt of the target's own motion, and the law's wall-clock time [s].
+    """What the control law returns for a picture: the estimate and the view of the target from
+    which it was computed, the command, the measured rate (k,) at which the target's own motion
+    changed the k features, in their units per second, and the law's wall-clock time [s].
     """
 
     estimate: Estimate
@@ -88,8 +90,9 @@ class Decision:
 
 @final
 class Loop:
-    """Closed loop of a scenario: tracker, feature set, estimator and controller, without a world.
-    Its run, which `start` begins, takes pictures and postures and returns camera twists.
+    """Closed loop of a scenario: tracker, feature set, estimator and controller, without a
+    simulated world. `start` begins a run of it, which takes pictures and robot postures and returns
+    camera twists.
     """
 
     def __init__(
@@ -128,7 +131,7 @@ class Loop:
 
     @property
     def features(self) -> FeatureSet:
-        """Feature set that the law servoes."""
+        """Set of visual features that the control law drives to their goal."""
         return self.law.features
 
     def start(
@@ -140,8 +143,8 @@ class Loop:
         true_motion: TrueMotion | None = None,
         truth: Callable[[int], Truth] | None = None,
     ) -> "Running":
-        """Start the tracker with the target in the first picture, and return the running loop. An
-        earlier run of this loop is then over: it uses the same components.
+        """Start the tracker with the target in the first picture, and return a run of this loop. An
+        earlier run is then over: it uses the same components.
 
         Args:
             frame: The first picture.
@@ -150,20 +153,21 @@ class Loop:
                 is a tag, its outline the black square, and the tracker "tag", a square that is
                 detected near the given one replaces region and state.
             goal: The camera's picture (H, W, 3) at the goal, for features made of pixels and for
-                policies; None if neither is used.
+                policies (controllers that use pictures); None if neither is used.
             true_motion: Function that returns the target's true motion, for an estimator that needs
                 it; only a simulation has it.
-            truth: Function that returns the true poses of a picture by its number, for components
-                that need them.
+            truth: Function that returns the true poses at a picture by the picture's number, for
+                components that need them.
 
         Returns:
-            The running loop; its `step` takes this picture too.
+            The run; its `step` takes this picture first.
 
         Raises:
             PartFailed: A component raised an exception.
             ValueError: An argument has the wrong type or size, the tracker refuses the region, a
                 setting does not fit the features, data that a component needs is missing, the
-                leader's tag is not seen, or the goal moves although there is a picture of it.
+                leader's tag (which the goal is relative to) is not seen, or the goal moves although
+                there is a picture of it.
         """
         check_start(frame, self.camera, region, state)
         for draws, state_at_first in self._draws:
@@ -197,7 +201,9 @@ class Loop:
 
 @final
 class Running:
-    """A loop that was started with a first picture, and computes a command after each picture."""
+    """A run of a `Loop`, which `Loop.start` returns: `step` takes each picture with the robot's
+    posture and returns the command, a camera twist.
+    """
 
     def __init__(
         self,
@@ -220,9 +226,9 @@ class Running:
         self._shown: float | None = None
 
     def begin(self, frame: Frame, region: Region, state: State) -> None:
-        """Start tracker and law with the target in the first picture, and store the goal at that
-        time and a decision to stand still. `Loop.start` calls this, and documents arguments and
-        exceptions; users do not call it.
+        """Start tracker and control law with the target in the first picture, and store the goal at
+        that time and, as the last decision, a command to stand still. Only `Loop.start` calls this
+        method; its documentation describes arguments and exceptions.
         """
         self._law.check(depths=frame.depth is not None, true_motion=self._true_motion is not None)
         self._estimate = self._perception.start(
@@ -244,44 +250,43 @@ class Running:
 
     @property
     def by_corners(self) -> bool:
-        """Whether the tracker's first LOCKED estimate of this run had the target's corners; False
-        before that estimate.
+        """Whether the tracker's first estimate with status LOCKED in this run had the target's
+        corners; False before that estimate.
         """
         return self._perception.by_corners
 
     def step(self, frame: Frame, posture: Posture) -> Command:
-        """Return the law's command after the next picture: `track`, then `decide`.
+        """Return the command, a camera twist, after the next picture. It calls `track`, then
+        `decide`.
 
         Args:
-            frame: The next picture; in the first call, the one that `Loop.start` was given. If it
-                is not fresh, because the camera delivered none, the tracker is not called, and the
-                law takes the target as not seen.
+            frame: The next picture; in the first call, the one that `Loop.start` was given. If its
+                `fresh` is False, because the camera delivered no new picture, the tracker is not
+                called, and the law takes the target as not seen.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
 
         Raises:
             PartFailed: A component raised an exception, or returned an invalid value.
             ValueError: The frame is not later than that of the previous call, frame or posture has
-                invalid numbers, or the loop was started again.
+                a wrong type, shape or number, or the loop was started again.
         """
         return self.decide(self.track(frame, posture), posture).command
 
     def track(self, frame: Frame, posture: Posture) -> Observation:
-        """Return the tracker's estimate of the target in a picture: the first half of `step`, for a
-        robot that moves on meanwhile.
+        """Run the tracker on a picture, and return its observation for `decide`: the first half of
+        `step`, for a robot that moves on while the tracker works.
 
         Args:
             frame: The next picture; in the first call, the one that `Loop.start` was given, for
-                which the given state is the estimate. If it is not fresh, because the camera
-                delivered none, the tracker is not called.
+                which the state given there is the estimate. If its `fresh` is False, because the
+                camera delivered no new picture, the tracker is not called, and the previous
+                estimate is used.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
-
-        Returns:
-            The observation, which `decide` takes.
 
         Raises:
             PartFailed: The tracker or a policy raised an exception, or returned an invalid value.
             ValueError: The frame is not later than that of the previous call, frame or posture has
-                invalid numbers, or the loop was started again.
+                a wrong type, shape or number, or the loop was started again.
         """
         began = perf_counter()
         if self._loop.latest() is not self:
@@ -311,14 +316,15 @@ class Running:
     def decide(
         self, observation: Observation, posture: Posture, acts: float | None = None
     ) -> Decision:
-        """Compute the law's command from an observation, and store the result as `decision`: the
-        second half of `step`. A policy has computed its command already, in `track`.
+        """Compute the law's command from an observation, store the result as `decision`, and return
+        it: the second half of `step`. A policy (a controller that uses pictures) has computed its
+        command already, in `track`.
 
         Args:
-            observation: What `track` returned last.
+            observation: What the last call of `track` returned.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
             acts: Time of the run at which the command begins to act [s], for an estimator that
-                needs the true motion; None: the scenario's latency after the picture.
+                needs the target's true motion; None: the scenario's latency after the picture.
 
         Raises:
             PartFailed: A component raised an exception, or returned an invalid value.

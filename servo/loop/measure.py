@@ -1,12 +1,14 @@
-"""Measures of a run: one `Measure` record for each, with its name, unit and meaning."""
+"""Measures of a run (numbers that say how well it went, such as an rms error): one `Measure` record
+for each, with its name, unit and meaning.
+"""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """Name, unit and meaning of a number that describes a run (smaller is better), with flags that
-    say which frames count, which values it can have, and where it is shown.
+    """Name, unit and meaning of one number that says how well a run went (smaller is better). The
+    flags say which frames count, which values are possible, and where the number is shown.
     """
 
     name: str

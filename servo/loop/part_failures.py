@@ -17,18 +17,18 @@ ENDS = (KeyboardInterrupt, MemoryError)
 
 
 class PartFailed(Mistake):
-    """Error: a component raised an exception or broke its contract; the message names the
-    component.
+    """Error: a component of a run, such as the tracker, raised an exception or broke its contract;
+    the message names the component.
     """
 
 
 class PartConfig(Protocol):
-    """Settings of a component; `build` makes the component from them."""
+    """Settings of a component, such as a tracker; their `build` makes the component."""
 
     @property
     def build(self) -> Callable[[Any], Any]:
-        """Function that builds the component from a random generator; for features, from an outline
-        (4, 3) [m].
+        """Function that makes the component: its argument is a random generator, or for features
+        the corners (4, 3) [m] of the target's reference rectangle.
         """
         ...
 
@@ -36,24 +36,24 @@ class PartConfig(Protocol):
 @final
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A component of a run: the name of its section in the scenario, such as "tracker", and its
-    settings.
+    """A component of a run before it is built: the name of its section in the scenario, such as
+    "tracker" or "disturbances[1]", and its settings.
     """
 
     place: str
     config: PartConfig
 
     def build(self, given: object) -> Any:
-        """Build the component, and check it against its contract.
+        """Build the component from its settings, check it against its contract, and return it.
 
         Args:
-            given: The argument of `Config.build`: a random generator, or an outline (4, 3) [m] for
-                features.
+            given: The argument of the settings' `build`: a random generator, or for features the
+                corners (4, 3) [m] of the target's reference rectangle.
 
         Raises:
             PartFailed: The component's code raised an exception, or the component breaks its
                 contract.
-            Mistake: `Config.build` refused the settings with a ValueError.
+            Mistake: The settings' `build` refused them with a ValueError.
         """
         with self.naming():
             try:
@@ -66,19 +66,22 @@ class Part:
         return built
 
     def guarded(self, built: Built, *, checked: bool = True) -> Built:
-        """Return a wrapper of the built component: an exception in one of its methods becomes a
-        `PartFailed` that names the component, unless `blame` lets it pass.
+        """Return a wrapper of the built component that turns exceptions in its methods into
+        `PartFailed`, which names the component. A `Mistake`, a KeyboardInterrupt, a MemoryError,
+        and a ValueError of `start` pass unchanged.
 
         Args:
             built: The component.
-            checked: Whether the values that its methods return are checked against the contract.
+            checked: Whether the values that the methods return are checked against the contract; an
+                invalid one then raises a `PartFailed`.
         """
         return guarded(built, self.kind_of_place, self.blame, checked=checked)
 
     @contextmanager
     def naming(self) -> Generator[None]:
-        """Turn an exception in the block, which calls the component's code, into a `PartFailed`
-        that names the component; a `Mistake`, an interrupt and a MemoryError pass unchanged.
+        """Context manager: turn an exception in the `with` block, which calls the component's code,
+        into a `PartFailed` that names the component; a `Mistake`, a KeyboardInterrupt and a
+        MemoryError pass unchanged.
 
         Raises:
             PartFailed: The block raised another exception.
@@ -91,9 +94,8 @@ class Part:
 
     def blame(self, error: BaseException, method: str = "") -> None:
         """Raise a `PartFailed` that names this component, for an exception that the component's
-        code raised. Return without an effect for an exception that should pass unchanged: a
-        `Mistake`, an interrupt, a MemoryError, and a ValueError of `start`, which refuses the
-        user's input.
+        code raised; return without an effect for a `Mistake`, a KeyboardInterrupt, a MemoryError,
+        and a ValueError of `start`, by which a component refuses the user's input.
 
         Args:
             error: The exception.
@@ -114,13 +116,18 @@ class Part:
         raise self.failed(text) from error
 
     def failed(self, what: str) -> PartFailed:
-        """Return an error whose message names this component, followed by `what` went wrong."""
+        """Return, without raising it, an error whose message is the component's section and kind,
+        followed by a sentence.
+
+        Args:
+            what: The sentence: what went wrong.
+        """
         kind = kind_of(self.config)  # a wrapped tracker begins its messages with its own name
         return PartFailed(f"{self.place} '{kind}': {what.removeprefix(f'{kind}: ')}")
 
     @property
     def kind_of_place(self) -> str:
-        """Name of the component's section without an index: "disturbances" for
+        """Name of the component's section in the scenario without an index: "disturbances" for
         "disturbances[1]".
         """
         return self.place.partition("[")[0]

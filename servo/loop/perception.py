@@ -29,8 +29,8 @@ from tracking.types import (
 
 @final
 class Perception:
-    """Runs the tracker on pictures, and converts its estimates to views of the target (moments,
-    corners, plane, pose).
+    """Runs a scenario's tracker on pictures (`start`, then `track`), and converts its estimates to
+    views of the target (`sight`): moments, corners, plane and pose in the camera frame.
     """
 
     def __init__(
@@ -79,8 +79,8 @@ class Perception:
                 simulation.
 
         Returns:
-            An estimate with the state that the tracker was given, marked as without angle and size:
-            the tracker has not yet reported whether it follows them.
+            An estimate with the start state and the status LOCKED, whose flags `follows` are False
+                for angle and size: the tracker has not reported yet whether it follows them.
 
         Raises:
             PartFailed: The tracker raised an exception.
@@ -114,15 +114,15 @@ class Perception:
     def track(
         self, frame: Frame, posture: Posture, interval: float, truth: Truth | None
     ) -> Estimate:
-        """Return the tracker's estimate for the next picture; if its size has changed more than is
-        possible, with the size to use instead in `likely_scale`. If the picture is not fresh,
-        because the camera delivered none, the tracker is not called, and the last estimate is
-        returned.
+        """Return the tracker's estimate for the next picture. If its size has changed more than is
+        possible, the estimate has the scale to use instead as `likely_scale`. If `frame.fresh` is
+        False, because the camera delivered no new picture, return the previous estimate without
+        calling the tracker.
 
         Args:
             frame: The picture.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
-            interval: Time since the previous picture [s].
+            interval: Time since the previous frame [s].
             truth: The true poses at that picture; None if they are not known, as outside a
                 simulation.
 
@@ -150,16 +150,17 @@ class Perception:
     def sight(
         self, frame: Frame, estimate: Estimate, posture: Posture, goal: Sight
     ) -> Sight | None:
-        """Return the view of the target (moments, corners, plane, pose in the camera frame) from an
-        estimate; None if the target is not seen, its centre is too uncertain, or its corners fit no
-        rectangle of its size. An angle or a size that the tracker does not follow or states too
-        uncertainly, and a size that is impossible, are marked as not measured.
+        """Return the target as an estimate shows it (moments and corners in normalised image
+        coordinates, plane and pose in the camera frame); None if the target is not seen, its centre
+        is too uncertain, or its corners fit no rectangle of its size. An angle or a size that the
+        tracker does not follow or states too uncertainly, and a size that is impossible, are marked
+        as not measured.
 
         Args:
-            frame: The picture of the estimate, with its depth picture if there is one.
+            frame: The picture of the estimate; only its depth picture is used, if it has one.
             estimate: The tracker's estimate.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
-            goal: The desired view of the target.
+            goal: The desired view of the target, which is stored in the result.
         """
         if estimate.likely_scale is not None:
             state = replace(estimate.state, scale=estimate.likely_scale)

@@ -1,5 +1,5 @@
-"""Record of the robot's postures, which pairs each picture that the tracker takes with the posture
-at the time of the picture's stamp.
+"""Record of the robot's postures: it returns, for each picture that the tracker takes, the posture
+at the time that is stamped on the picture.
 """
 
 from dataclasses import replace
@@ -15,8 +15,8 @@ REGULAR = 1e-6
 
 
 def elapsed(last: float, now: float, period: float) -> float:
-    """Return the time between two pictures [s]; if it is a whole number of frame intervals up to
-    rounding, exactly that number times the interval.
+    """Return the time between two pictures [s]; exactly a whole number of frame intervals if it is
+    one up to rounding.
 
     Args:
         last: Time of the earlier picture [s].
@@ -24,7 +24,7 @@ def elapsed(last: float, now: float, period: float) -> float:
         period: Frame interval [s].
 
     Raises:
-        ValueError: The second picture is not later than the first.
+        ValueError: The later picture is not later than the earlier one.
     """
     if now <= last:
         raise ValueError(
@@ -37,11 +37,11 @@ def elapsed(last: float, now: float, period: float) -> float:
 
 @final
 class PostureRecord:
-    """Record of the robot's postures at the times of all pictures; returns the posture for each
+    """Record of the robot's postures at the times of all frames, which returns the posture for each
     picture that the tracker takes.
 
-    The stamp of a picture may be wrong by a clock offset: the picture is then paired with the pose
-    at the wrong time.
+    If the clocks of camera and robot differ, the time stamped on a picture is wrong by their
+    offset: the picture is then paired with the camera pose at the stamped time.
     """
 
     def __init__(self, period: float, clock_offset: float) -> None:
@@ -58,16 +58,24 @@ class PostureRecord:
         self._pose: Pose | None = None
 
     def add(self, index: int, posture: Posture) -> None:
-        """Store the posture at a frame, by the frame's number; its `asked` is the mean commanded
-        twist since the frame before.
+        """Store the robot's posture at a frame.
+
+        Args:
+            index: Number of the frame.
+            posture: The posture; its `asked` is the mean commanded camera twist since the frame
+                before.
         """
         self._postures[index] = posture
 
     def paired(self, index: int) -> Posture:
-        """Return the posture for the picture of a frame, by the frame's number, with the pose at
-        the picture's stamp. Measured, accepted and commanded twists are means over the time since
-        the frame of the previous call; in the first call they are as stored. Postures that are no
-        longer needed are deleted.
+        """Return the posture for the picture of a frame, with the camera pose at the time stamped
+        on the picture. Measured, accepted and commanded twists are means over the time since the
+        frame of the previous call; in the first call they are as stored. Postures that later calls
+        do not need are deleted.
+
+        Args:
+            index: Number of the frame, higher than in the previous call; its posture must have been
+                added.
         """
         posture = self._postures[index]
         last = self._taken

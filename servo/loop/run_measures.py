@@ -1,4 +1,6 @@
-"""Summary of a run: its outcome, and its measures, computed from all of its steps."""
+"""Summary of a run: its outcome, and its measures (numbers that say how well it went), computed
+from all of its steps.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -31,7 +33,9 @@ OFF_UNITS = {"centre": "px", "angle": "deg", "size": "%", "orientation": "deg"}
 
 
 class Outcome(Enum):
-    """How a run ended; each member carries its sentence."""
+    """How a run ended, such as CONVERGED or TARGET_LOST; the value of each member is the sentence
+    about it.
+    """
 
     CONVERGED = (
         "The target is at its goal in the picture, with angle, size and tilt where these are "
@@ -43,7 +47,7 @@ class Outcome(Enum):
     DIVERGED = "The target has left the picture, and the tracker has not called it lost."
 
     def sentence(self, causes: Sequence[str] = ()) -> str:
-        """Return the sentence of this outcome, with the causes after a colon.
+        """Return the sentence of this outcome, with the causes, if there are any, after a colon.
 
         Args:
             causes: What kept the camera from the goal, such as "elbow (range)" or "angle 27 deg".
@@ -53,8 +57,10 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Outcome and measures of one run, the joint limits that kept the camera from its goal, and the
-    servoed quantities that were too far from the goal at the end.
+    """How one run ended and how well it went: its outcome, its measures by name (such as
+    "servo_rms_px", in the unit that the name ends with), the joint limits that kept the camera from
+    its goal, and the quantities, such as "angle 27 deg", that were too far from the goal at the
+    end.
     """
 
     outcome: Outcome
@@ -68,12 +74,13 @@ class Summary:
 
 
 def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: float) -> Summary:
-    """Return the outcome and the measures of a run; nan for measures that count from `config.after`
-    on, if the run ended before.
+    """Return how a run ended, and its measures. A measure is inf or nan where it has no value:
+    those that count from `config.after` on are nan if the run ended before.
 
     Args:
         steps: The steps of the run, at least one, or their columns.
-        config: The time from which errors count, and the error that counts as off the target.
+        config: The time from which errors count [s], and the distance of the target from its goal
+            above which the camera is off the target [px].
         period: Frame interval [s].
     """
     run = Columns.of(steps)
@@ -128,8 +135,8 @@ def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: fl
 
 
 def timed(run: Columns) -> Array:
-    """Return the wall-clock times (n, 4) [s] of the steps in which the tracker was called, in the
-    columns rendering, tracker, law and physics; of all steps if it was never called.
+    """Return the wall-clock times (n, 4) [s] of rendering, tracker, control law and physics in the
+    n steps in which the tracker was called; in all steps if it was never called.
 
     A slow tracker is called in few steps, so a median over all steps would not show its time.
     """

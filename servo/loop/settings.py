@@ -1,5 +1,5 @@
-"""All settings of a run (`Setup`), the classes of a scenario's sections run, start, region and
-measure, and the random generator of each component.
+"""All settings of a run (`Setup`), the settings classes of the sections run, start, region and
+measure of a scenario file, and the random generator of each component.
 """
 
 from dataclasses import dataclass, replace
@@ -43,9 +43,13 @@ DOES_NOT_REPEAT = (
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
-    """Return the random generator of one component, from the seed of the run and the component's
-    name, such as "tracker". Streams are independent, so that more draws of one component do not
-    change another's.
+    """Return a new random generator for one component of a run. Those of different names are
+    independent, so that more draws of one component do not change another's; the same seed and name
+    give the same numbers.
+
+    Args:
+        seed: Seed of the run.
+        name: Name of the component, such as "tracker".
     """
     return np.random.default_rng([seed, *name.encode()])
 
@@ -81,8 +85,8 @@ class RunConfig:
     motion model needs to cover the target's own motion only."""
 
     def frames_late(self, period: float) -> float:
-        """Return the delay from an estimate to the effect of its command [frame intervals], from
-        `latency_ms` or else `latency`.
+        """Return the delay from an estimate to the effect of its command [frame intervals, not
+        rounded]: `latency_ms` over the frame interval, if it is set, else `latency`.
 
         Args:
             period: Frame interval [s].
@@ -91,8 +95,8 @@ class RunConfig:
 
     @property
     def repeats(self) -> bool:
-        """Whether the same seed gives the same numbers again; with `tracker_ms = "measured"` it
-        does not.
+        """Whether the same seed gives the same numbers again: False only if `tracker_ms` is
+        "measured".
         """
         return self.tracker_ms != "measured"
 
@@ -154,7 +158,11 @@ class RegionConfig:
 
     def corners(self, truth: Truth) -> Array:
         """Return the corners (4, 2) [px] of the rectangle that the tracker is given in the first
-        picture: the target's true corners, in their order, changed by these errors.
+        picture: the target's true corners, in their order, shifted, rotated and stretched as these
+        settings say.
+
+        Args:
+            truth: The target's true corners, centre and angle in the first picture.
         """
         # Complex numbers rotate: turn the corners level, stretch them, and turn them as asked.
         own, given = (np.exp(1j * a) for a in (truth.theta, truth.theta + radians(self.angle_deg)))
@@ -179,7 +187,7 @@ class MeasureConfig:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """All settings of a run, one field for each section of a scenario."""
+    """All settings of a run: its name, and one field for each section of a scenario file."""
 
     name: str
     run: RunConfig
@@ -241,12 +249,16 @@ class Setup:
 
     @property
     def needs(self) -> Channels:
-        """Channels of data that the components of the run need, such as pictures or true poses."""
+        """Kinds of additional data (channels) that the components of the run use, such as pictures
+        or true poses.
+        """
         parts = (self.sight, self.features, self.estimator, self.controller)
         needs = needs_of(self.tracker, SEES_PICTURES).union(*map(needs_of, parts))
         return needs if self.leader.id is None else needs | {Channel.PICTURE}
 
     @property
     def frames(self) -> int:
-        """Number of frames of the run, at least 1: duration times frame rate, rounded."""
+        """Number of frames of the run: duration times frame rate, rounded to the nearest integer,
+        at least 1.
+        """
         return max(1, round(self.run.duration * self.camera.rate))

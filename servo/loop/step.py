@@ -1,5 +1,5 @@
-"""One frame of a run as a value: true poses, goal, picture, estimate, command, and the robot's
-motion until the next frame.
+"""Data of one frame of a run: true poses, goal, picture, estimate, command, and the robot's motion
+until the next frame.
 """
 
 from dataclasses import dataclass, replace
@@ -22,7 +22,9 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Seconds:
-    """Wall-clock times [s] of one step: rendering, tracker, control law and physics."""
+    """Wall-clock times [s] that rendering, tracker, control law and physics took in one frame of a
+    run.
+    """
 
     render: float
     """Time spent waiting for the picture and starting the next one, most of which is rendered while
@@ -33,14 +35,15 @@ class Seconds:
 
     @property
     def total(self) -> float:
-        """Sum of the times of all stages [s]."""
+        """Sum of the times of rendering, tracker, control law and physics [s]."""
         return self.render + self.track + self.control + self.physics
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Values that stay the same in a run: camera, target, its rectangle and size in the first
-    picture, feature set, frame interval and MuJoCo model.
+    """What stays the same in a run: camera, corners (4, 3) of the target's reference rectangle in
+    its frame [m], the target's rectangle [px] and true size [px/m] in the first picture, feature
+    set, pose of the reference rectangle in the target's frame, frame interval [s] and MuJoCo model.
     """
 
     camera: Camera
@@ -60,13 +63,14 @@ class Scene:
     """MuJoCo model of the world, for drawing it."""
 
     def true_sight(self, T_world_camera: Pose, T_world_target: Pose, goal: Sight) -> Sight:
-        """Return the exact view of the target from the true poses of camera and target in the world
-        frame: moments and corners in normalised image coordinates, and plane and pose
-        T_camera_object of its reference rectangle (see `Sight.pose`) in the camera frame.
+        """Return the exact view of the target from true poses: moments and corners in normalised
+        image coordinates, and the plane and the pose T_camera_object of its reference rectangle in
+        the camera frame (origin in the rectangle's centre, x along the target's nose, z along the
+        normal, away from the camera).
 
         Args:
-            T_world_camera: True pose of the camera.
-            T_world_target: True pose of the target.
+            T_world_camera: True pose of the camera in the world frame.
+            T_world_target: True pose of the target in the world frame.
             goal: The desired view, which is stored in the result.
         """
         T_camera_target = T_world_camera.inverse() @ T_world_target
@@ -75,8 +79,8 @@ class Scene:
     def true_motion(
         self, T_world_camera: Pose, before: Pose, after: Pose, goal: Sight, dt: float
     ) -> Array:
-        """Return the mean de/dt (k,), in the features' units per second, that a target's motion
-        between two poses causes for a camera at rest.
+        """Return the mean rate (k,), in the units of the k features per second, at which a target's
+        motion between two poses changes the features for a camera at rest.
 
         Args:
             T_world_camera: True pose of the camera in the world frame.
@@ -94,8 +98,8 @@ class Scene:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Step:
-    """One frame of a run: true poses, goal, picture, estimate, command, and the robot's motion
-    until the next frame.
+    """Data of one frame of a run: picture, true poses, goal, the latest estimate and command, and
+    the robot's posture and its motion until the next frame.
     """
 
     scene: Scene
@@ -150,8 +154,8 @@ class Step:
         )
 
     def light(self) -> "Step":
-        """Return the step without its pictures and the tracker's particles, which take most of its
-        memory; the picture is black, of the same size.
+        """Return a copy of this step that takes little memory: with a black picture of the same
+        size, and without depth picture and the tracker's particles.
         """
         estimate = self.estimate
         if estimate.particles is not None:
@@ -160,20 +164,23 @@ class Step:
 
     @property
     def region(self) -> Region:
-        """The target's rectangle in the first picture, as given to the tracker [px]."""
+        """Width and height [px] of the target's rectangle in the first picture, as the tracker was
+        given them.
+        """
         return self.scene.region
 
     @property
     def true_state(self) -> State:
-        """True position x, y [px], angle [rad] and scale of the target in this frame; its scale in
-        the first frame is 1.
+        """True centre x, y [px], angle, from right towards down [rad], and scale of the target in
+        this frame; the scale in the first frame is 1.
         """
         return self._state(self.truth)
 
     @property
     def true_state_estimated(self) -> State:
-        """True position x, y [px], angle [rad] and scale of the target in the picture from which
-        the estimate was made, which is older if the tracker is slow.
+        """True centre x, y [px], angle, from right towards down [rad], and scale (1 in the first
+        frame) of the target in the picture from which `estimate` was made, which is older than this
+        frame if the tracker is slow.
         """
         return self._state(self.truth_estimated)
 
@@ -183,9 +190,9 @@ class Step:
 
     @property
     def corner_errors(self) -> Array:
-        """Distances (4,) of the target's true corners from their goals [px]. If the features do not
-        distinguish front from back, the goals may be turned by half a turn: the smaller distances
-        count.
+        """Distances (4,) of the target's true corners in the picture from their places at the goal
+        [px]. If the features do not distinguish the target's front from its back, the goal may be
+        turned by half a turn: that with the smaller sum of distances counts.
         """
         # The corners of a rectangle turned by half a turn are the same corners, two places on.
         goal = self.goal.corners
@@ -197,15 +204,15 @@ class Step:
 
     @property
     def T_object_camera(self) -> Pose:
-        """True pose of the camera in the target's frame [m]: origin in the centre of the target's
-        reference rectangle, x along its nose, z along its normal, away from the camera.
+        """True pose of the camera [m] in the frame of the target's reference rectangle: origin in
+        its centre, x along the target's nose, z along the normal, away from the camera.
         """
         return self._seen_from_target(self.truth)
 
     @property
     def T_object_goal(self) -> Pose:
-        """Pose of the camera at the goal in the target's frame [m]: origin in the centre of the
-        target's reference rectangle, x along its nose, z along its normal, away from the camera.
+        """Desired pose of the camera [m] in the frame of the target's reference rectangle: origin
+        in its centre, x along the target's nose, z along the normal, away from the camera.
         """
         return self._seen_from_target(self.goal)
 
@@ -215,10 +222,9 @@ class Step:
 
     @property
     def target_motion_true(self) -> Array:
-        """True mean de/dt (k,), in the features' units per second, that the target's own motion
-        caused over the last frame interval: the difference of the features of the target's poses at
-        its two ends, both seen from the camera's pose at this frame, over the interval; nan if the
-        features are made of pixels.
+        """True mean rate (k,), in the units of the k features per second, at which the target's own
+        motion changed the features over the last frame interval, seen from the camera's pose at
+        this frame; all nan if the features are made of pixels.
         """
         if self.goal_sight.picture is not None:
             return self._unknown
@@ -232,22 +238,23 @@ class Step:
 
     @property
     def features(self) -> Array:
-        """Features s (k,) as last measured, in their units; all nan if the controller uses no
+        """Features s (k,) as last measured, in their own units; all nan if the controller uses no
         features.
         """
         return self._unknown if self.command.trace is None else self.command.trace.features
 
     @property
     def error(self) -> Array:
-        """Feature error e = s - s* (k,) as last measured; all nan if the controller uses no
-        features.
+        """Feature error e = s - s* (k,) as last measured, in the features' units; all nan if the
+        controller uses no features.
         """
         return self._unknown if self.command.trace is None else self.command.trace.error
 
     @property
     def prediction(self) -> Prediction:
-        """What the estimator returned, in the features' own units; all nan if the controller's
-        command has no trace, as for a policy.
+        """The estimator's prediction in this frame (feature error, rate of the features from the
+        target's own motion, innovation), in the features' own units; all nan if the controller uses
+        no features, as a policy.
         """
         trace = self.command.trace
         if trace is not None:
@@ -260,9 +267,9 @@ class Step:
 
     @property
     def servoed(self) -> tuple[bool, bool]:
-        """Two flags: whether the target's angle is servoed, and whether its size is. For that a
-        feature must need it, the tracker must follow it, the loop must not refuse it, and the
-        robot's joints must be able to change it.
+        """Two flags: whether the target's angle is servoed, and whether its size is. It is if a
+        feature needs it, the tracker follows it, the robot's joints can change that feature, and,
+        for the size, the loop does not refuse the tracker's value as impossible.
         """
         estimate = self.estimate
         follows = np.array(estimate.follows) | (estimate.corners is not None)
@@ -287,7 +294,7 @@ class Step:
     @property
     def servoes_pose(self) -> bool:
         """Whether all six degrees of freedom of the camera are servoed: the features determine
-        them, and the joints can move them.
+        them, and the robot's joints can move them.
         """
         trace = self.command.trace
         if trace is not None and trace.servoed is not None and not trace.servoed.all():
@@ -300,15 +307,15 @@ class Step:
 
     @property
     def rotation_error(self) -> float:
-        """Angle of the rotation between the camera's true orientation and that at the goal,
-        relative to the target [rad].
+        """Angle [rad], 0 to pi, of the rotation between the camera's true and its desired
+        orientation, both relative to the target.
         """
         return angle_of(self.T_object_goal.rotation.T @ self.T_object_camera.rotation)
 
     @property
     def tells_front_from_back(self) -> bool:
-        """Whether the features distinguish the target's front from its back: they change if it is
-        turned by half a turn.
+        """Whether the features distinguish the target's front from its back: they change if the
+        target is turned by 180 degrees about its normal.
         """
         goal = self.goal_sight
         if goal.picture is not None:
@@ -320,33 +327,36 @@ class Step:
 
     @property
     def joints(self) -> Array:
-        """Joint positions (n,) at the time of the frame [m or rad]."""
+        """Exact joint positions (n,) of the robot at the time of the frame [m or rad], without
+        errors of encoders.
+        """
         return self.posture.joints
 
     @property
     def margins(self) -> Array:
-        """Distance (n,) of each joint from its nearer limit [m or rad]; inf for a joint without
-        limits.
+        """Distance (n,) of each joint from its nearer limit [m or rad], below 0 beyond it; inf for
+        a joint without limits.
         """
         p = self.posture
         return np.minimum(p.joints - p.lower, p.upper - p.joints)
 
     @property
     def twist_measured(self) -> Array:
-        """Measured twist (6,) of the camera in its own frame [m/s, rad/s], as a mean over the last
-        frame interval.
+        """Mean twist (6,) that the camera had over the last frame interval, in its own frame [m/s,
+        rad/s]. It is the simulation's exact one, without errors of encoders and calibration,
+        relative to the world, or to the target if the robot holds that.
         """
         return self.posture.twist
 
     @property
     def tilt(self) -> float:
-        """Angle between the camera's optical axis and straight down [rad], 0 to pi."""
+        """True angle between the camera's optical axis and straight down [rad], 0 to pi."""
         return tilt(self.truth.T_world_camera.rotation)
 
     @property
     def tracked(self) -> bool:
-        """Whether the camera delivered a picture in this frame, and the tracker was called before
-        the next one; False for the first frame.
+        """Whether the camera delivered a new picture in this frame, and the tracker was called
+        before the next frame; False for the first frame.
         """
         return self.frame.index > 0 and self.frame.fresh and self.seconds.track > 0
 
@@ -359,13 +369,13 @@ class Step:
 
     @property
     def servo_error(self) -> float:
-        """Distance of the target's true centre from its goal, in the picture [px]."""
+        """Distance in the picture between the target's true centre and its goal [px]."""
         return float(np.hypot(*(self.truth.centre - self.goal.centre)))
 
     @property
     def tracking_error(self) -> float:
-        """Distance of the estimated centre of the target from the true one, in the picture of the
-        estimate [px].
+        """Distance between the estimated and the true centre of the target [px], in the picture
+        from which the estimate was made.
         """
         estimated = np.array([self.estimate.state.x, self.estimate.state.y])
         return float(np.hypot(*(estimated - self.truth_estimated.centre)))

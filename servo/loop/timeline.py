@@ -1,12 +1,12 @@
-"""Simulated times of a run: when a picture arrives, when the tracker takes it, and when its command
-acts.
+"""Simulated times of a run: when a picture arrives, when the tracker takes it, and when the
+resulting command acts.
 
 A picture arrives at the tracker up to `run.jitter_ms` after it was taken. A tracker that is not
 busy takes the newest picture that has arrived. Its estimate is ready `run.tracker_ms` later, and
 pictures that arrive in between are skipped, except for the newest. A frame without a picture takes
 the tracker no time, and is used only if there is no picture. The law runs once for each estimate.
 Its command acts `run.latency` frame intervals or `run.latency_ms` later, from the next update of
-the drives on; until then the robot follows the command before.
+the drives on; until then the robot follows the previous command.
 """
 
 from dataclasses import dataclass, replace
@@ -26,9 +26,10 @@ SAME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Delays of a run, its frame interval [s], the times in a frame interval at which the drives
-    update their command [s], the stamps of pictures minus their true times [s], and whether other
-    twists than the law's may act.
+    """Times that decide when things happen in a run: the delays of tracker, pictures and commands,
+    the frame interval [s], the times (n,) after a frame at which the drives update their command
+    [s], and stamped minus true time of a picture [s]; and whether twists other than the law's may
+    act.
     """
 
     run: RunConfig
@@ -45,9 +46,9 @@ class Schedule:
 
 @dataclass(frozen=True, slots=True)
 class TimedDecision:
-    """A decision of the loop (view of the target and command), with the number of the picture from
-    which it was made, the time from that picture until its estimate was ready [s], and the number
-    of pictures skipped so far.
+    """A decision of the loop (view of the target, command) with the command that acts, the number
+    of the picture from which it was made, the time from that picture until its estimate was ready
+    [s], and the number of pictures that the tracker has skipped since the run began.
     """
 
     decision: Decision
@@ -83,16 +84,16 @@ class _Work:
 
 
 def mean_twist(twists: Array) -> Array:
-    """Return the mean (6,) of twists (n, 6); if all are equal, exactly that twist, without
-    rounding.
+    """Return the mean (6,) of n twists (n, 6), n >= 1 [m/s, rad/s]; exactly that twist, without
+    rounding, if all are equal.
     """
     return twists[0] if (twists == twists[0]).all() else twists.mean(axis=0)
 
 
 @final
 class Timeline:
-    """Gives the pictures of a run to its loop when they arrive, and returns the commanded twists
-    when they act, both in simulated time.
+    """Gives the pictures of a run to its loop when they arrive at the tracker, and returns the
+    commanded camera twists when they act, both in simulated time.
     """
 
     def __init__(self, schedule: Schedule, running: Running, rng: np.random.Generator) -> None:
@@ -143,7 +144,8 @@ class Timeline:
 
     def advance(self, frame: Frame, posture: Posture) -> None:
         """Run tracker and law over the frame interval that begins with a frame, the next one of the
-        run; `latest` then has the last decision, and `decided` the number of new ones.
+        run. Afterwards `latest` is the last decision, and `decided` the number of decisions in this
+        interval.
 
         Args:
             frame: The frame, with its picture.
@@ -165,8 +167,11 @@ class Timeline:
             self._free = estimated.done
 
     def steer(self, twist: Array) -> None:
-        """Replace the commands that the law decided since the last picture by another camera twist
-        (6,) in the camera frame [m/s, rad/s]; without such a command, do nothing.
+        """Replace the commands that the law computed since the last picture by another one, which
+        acts at the same times; do nothing if it computed none.
+
+        Args:
+            twist: The other camera twist (6,) in the camera frame [m/s, rad/s].
         """
         if self.decided:
             # They keep the times at which they act; what acted before them stays.
@@ -178,20 +183,20 @@ class Timeline:
 
     @property
     def is_known_ahead(self) -> bool:
-        """Whether the commands that act until the next picture are known before the law decides
-        about the last one: with a latency of at least one frame, no other delay, and no commands
-        but the law's.
+        """Whether the commands that act until the next picture are known before the law computes
+        one from the present picture: with a latency of at least one frame interval, no other delay,
+        and only commands of the law.
         """
         return self._plain and self._schedule.run.latency >= 1
 
     def acting(self, later: int = 0) -> Array:
-        """Return the commanded camera twists (n, 6) [m/s, rad/s] that act in one frame interval,
-        one for each of the n updates of the drives in it. Their mean is stored as the commanded
-        twist of the next posture.
+        """Return the commanded camera twists (n, 6) in the camera frame [m/s, rad/s] that act in
+        one frame interval, one for each of the n updates of the drives in it, and store their mean
+        as the commanded twist of the posture that `advance` is given next.
 
         Args:
-            later: Which interval: 0 for the one that begins with the last picture, 1 for the next
-                one.
+            later: 0 for the frame interval that begins with the last picture, 1 for the one after
+                it.
         """
         begin = self._now + later * self._schedule.period
         twists = np.array([self._in_force(begin + tick) for tick in self._ticks])

@@ -1,3 +1,3 @@
-"""Scenario files: reads their TOML, applies --set, checks all settings, and returns frozen
-dataclasses.
+"""Scenarios, the descriptions of runs: reads their TOML files, applies changes such as those of the
+option --set, checks all settings, and returns frozen dataclasses.
 """

@@ -1,7 +1,8 @@
 """Checks of the arguments of servobench's Python functions; a wrong argument raises a `Mistake`
 with one sentence.
 
-`given` is the argument as the caller passed it, and `what` its name in the sentence.
+In each function `given` is the argument as the caller passed it, and `what` the argument's name in
+that sentence.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,8 +15,11 @@ from sim.types import Array
 
 
 def name(given: object, what: str) -> str:
-    """Return the name or path of a scenario, a study or a folder as text; `what` ("scenario", ...)
-    stands in the message.
+    """Return the name or path of a scenario, a study or a folder as text.
+
+    Args:
+        given: A text or a `Path`.
+        what: What it names, such as "scenario", for the message.
 
     Raises:
         Mistake: `given` is neither a text nor a `Path`.
@@ -26,7 +30,8 @@ def name(given: object, what: str) -> str:
 
 
 def texts(given: object) -> tuple[str, ...]:
-    """Return a list of changes of settings, such as ["run.duration=5"], as a tuple.
+    """Return a list (or other iterable) of changes of settings, such as ["run.duration=5"], as a
+    tuple. The texts are not parsed here.
 
     Raises:
         Mistake: `given` is not a list of texts.
@@ -41,11 +46,15 @@ def texts(given: object) -> tuple[str, ...]:
 
 
 def whole(given: object, what: str, least: int) -> int:
-    """Return a whole number of Python or NumPy as an `int`; `what` is the argument's name for the
-    message.
+    """Return a whole number of Python or NumPy as an `int`.
+
+    Args:
+        given: The number.
+        what: Name of the argument, for the message.
+        least: Smallest allowed number.
 
     Raises:
-        Mistake: `given` is not a whole number, or is below `least`.
+        Mistake: `given` is no whole number (also if it is True or False), or is below `least`.
     """
     if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < least:
         raise Mistake(f"{what} = {given!r}: expected a whole number from {least} on")
@@ -53,8 +62,12 @@ def whole(given: object, what: str, least: int) -> int:
 
 
 def numbers(given: object, what: str, count: int) -> Array:
-    """Return `count` finite numbers as an array (count,); `what` is the argument's name for the
-    message.
+    """Return finite numbers as an array (count,) of floats.
+
+    Args:
+        given: The numbers, such as a list or an array.
+        what: Name of the argument, for the message.
+        count: Required number of numbers.
 
     Raises:
         Mistake: `given` has another shape, or a value that is not finite.
@@ -69,7 +82,12 @@ def numbers(given: object, what: str, count: int) -> Array:
 
 
 def one_of(given: object, what: str, known: Sequence[object]) -> None:
-    """Check that a choice is one of the known ones; `what` is the argument's name for the message.
+    """Check that a choice is one of the known ones.
+
+    Args:
+        given: The choice.
+        what: Name of the argument, for the message.
+        known: The choices there are.
 
     Raises:
         Mistake: `given` is not among `known`; the message names the most similar choice, or all
@@ -80,8 +98,12 @@ def one_of(given: object, what: str, known: Sequence[object]) -> None:
 
 
 def each_once(given: object, what: str, known: Sequence[str]) -> list[int]:
-    """Return the index in `known` of each item in a list of choices; `what` is the argument's name
-    for the message.
+    """Return the index in `known` of each item in a list of choices, in the order of the list.
+
+    Args:
+        given: The list of choices.
+        what: Name of the argument, for the message.
+        known: The choices there are.
 
     Raises:
         Mistake: `given` is empty or not a list, or an item is unknown or chosen twice.

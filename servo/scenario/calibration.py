@@ -1,8 +1,8 @@
-"""Converts camera calibrations: reads files as ROS (camera_info) and OpenCV (FileStorage) write
-them, and converts the CameraInfo messages of ROS to cameras and back.
+"""Conversion of camera calibrations: reads files in the formats of ROS (camera_info) and OpenCV
+(FileStorage), and converts ROS's messages CameraInfo to cameras and back.
 
-Both place the origin of pixel coordinates at the middle of the first pixel, and servobench at its
-corner: the principal point is 0.5 px larger here.
+ROS and OpenCV measure pixel coordinates from the centre of the top left pixel, servobench from its
+outer corner: the principal point is 0.5 px larger here.
 """
 
 import re
@@ -88,8 +88,9 @@ Numbers = Annotated[list[FiniteFloat], Field(min_length=1), BeforeValidator(_dat
 
 
 class Calibration(BaseModel):
-    """The keys of a calibration file whose values are numbers, with their types and ranges. The
-    name of the distortion model is read apart, as its key varies.
+    """The values of a calibration file that are numbers, with their types and ranges: image size
+    [px], camera matrix (9 numbers, row by row), distortion coefficients, binning and region of
+    interest. The name of the distortion model is read separately, as its key varies.
     """
 
     image_width: PositiveInt
@@ -103,8 +104,9 @@ class Calibration(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Intrinsics:
-    """Settings of [camera] that a calibration file gives: image size, focal lengths and principal
-    point [px], measured from the image's top left corner, and distortion.
+    """Intrinsics that a calibration file gives for the table [camera] of a scenario: image size,
+    focal lengths and principal point [px], which is measured from the image's top left corner, and
+    the model and coefficients of the lens distortion.
     """
 
     width: int
@@ -122,19 +124,18 @@ class Intrinsics:
 
 
 def calibrated(camera: object, place: str) -> object:
-    """Replace the key `calibration` of a table [camera] by the settings in the file that it names.
+    """Return a table [camera] of a scenario in which the settings of the calibration file that its
+    key `calibration` names replace this key: image size, focal lengths and principal point [px],
+    and distortion. If the table has another width than the file, the lengths are scaled to it.
 
     Args:
-        camera: The table; anything that has no `calibration` is returned as it is.
-        place: The table's place, for messages.
-
-    Returns:
-        A new table, with the focal lengths and the principal point [px] scaled to the table's
-        width.
+        camera: The table, which is not changed; anything without a text `calibration` is returned
+            as it is.
+        place: Where the table comes from; it begins messages.
 
     Raises:
-        Mistake: The file is no calibration, the lens is not simulated, its image has another aspect
-            ratio than the table's, or the table also has a setting that the file gives.
+        Mistake: The file is no calibration, its lens model is not simulated, its image has another
+            aspect ratio than the table's, or the table also has a setting that the file gives.
     """
     if not is_table(camera) or not isinstance(camera.get("calibration"), str):
         return camera
@@ -161,8 +162,8 @@ def calibrated(camera: object, place: str) -> object:
 
 def camera_info(camera: Camera) -> dict[str, Any]:
     """Return the fields of ROS's message sensor_msgs/CameraInfo for a camera, by name, without
-    header and region of interest. The principal point is measured from the middle of the first
-    pixel, as in ROS.
+    header and region of interest. The principal point [px] is measured from the centre of the top
+    left pixel, as in ROS.
     """
     lens = camera.distortion
     cx, cy = camera.cx - MIDDLE, camera.cy - MIDDLE
@@ -180,15 +181,16 @@ def camera_info(camera: Camera) -> dict[str, Any]:
 
 
 def camera_of_info(info: Any, topic: str) -> Camera:
-    """Return the camera that a ROS message sensor_msgs/CameraInfo describes.
+    """Return the camera (intrinsics [px] and lens distortion) that a ROS message
+    sensor_msgs/CameraInfo describes.
 
     Args:
-        info: The message.
+        info: The message, an object with the message's fields.
         topic: Its topic, for error messages.
 
     Raises:
-        Mistake: A field is wrong, the region of interest is not the whole picture, or the lens is
-            not simulated.
+        Mistake: A field is wrong, the region of interest is not the whole picture, or the lens
+            model is not simulated.
     """
     document: Table = {
         "image_width": info.width,
@@ -205,10 +207,11 @@ def camera_of_info(info: Any, topic: str) -> Camera:
 
 
 def camera_in(path: Path) -> Camera:
-    """Return the camera that a calibration file describes.
+    """Return the camera (intrinsics [px] and lens distortion) that a calibration file of ROS or
+    OpenCV describes.
 
     Raises:
-        Mistake: The file is no calibration, or the lens is not simulated.
+        Mistake: The file cannot be read or is no calibration, or its lens model is not simulated.
     """
     return _camera(_read(path))
 
@@ -243,7 +246,8 @@ def _read(path: Path) -> Intrinsics:
 
 
 def intrinsics_of(document: Table, place: str) -> Intrinsics:
-    """Check the keys and values of a calibration file, and convert them to settings of [camera].
+    """Check the keys and values of a calibration, and return them as intrinsics; the principal
+    point is moved by 0.5 px, so that it is measured from the image's top left corner.
 
     Args:
         document: Values by key, named as in files of ROS's camera_calibration.
@@ -251,7 +255,7 @@ def intrinsics_of(document: Table, place: str) -> Intrinsics:
 
     Raises:
         Mistake: A key is missing or wrong, the region of interest is not the whole picture, or the
-            lens is not simulated.
+            lens model is not simulated.
     """
     given = validated(Calibration, document, f"{place}: ")
     size = (given.image_width, given.image_height)

@@ -1,5 +1,5 @@
-"""The kinds of each component of a scenario, the names of the shipped scenarios and studies, and
-the sentence with which such a file describes itself.
+"""The shipped kinds of each component of a scenario (robot, tracker, ...), the names of the shipped
+scenarios and studies, and the sentence with which such a file describes itself.
 
 This file is quick to import, for `servobench list`.
 """
@@ -26,18 +26,24 @@ LISTS = {"disturbances": disturbances.KINDS}
 
 
 def shipped() -> list[str]:
-    """Return the sorted names of the scenarios that are part of servobench."""
+    """Return the names, such as "reversal", of the scenarios that are part of servobench, in
+    alphabetical order.
+    """
     return _names(resources.files("scenes"))
 
 
 def studies() -> list[str]:
-    """Return the sorted names of the studies that are part of servobench."""
+    """Return the names of the studies that are part of servobench, in alphabetical order."""
     return _names(resources.files("scenes") / "studies")
 
 
 def sentence(text: str) -> str:
-    """Return the comment in the second line of a scenario's or study's text, which says in a
-    sentence what the file is for; "" without a comment. Lines such as "#:schema ..." do not count.
+    """Return the sentence that says what a scenario or study is for: the comment in the second line
+    of its file, without "# ". Lines such as "#:schema ..." do not count as lines. The result is ""
+    if the second line is no comment.
+
+    Args:
+        text: The whole text of the file.
     """
     lines = [line for line in text.splitlines() if not line.startswith("#:")]
     second = [*lines, "", ""][1]

@@ -1,4 +1,4 @@
-"""Settings that are drawn at random for each seed, from a scenario's table [vary].
+"""Settings that are drawn at random for each seed, by a scenario's table [vary].
 
 [vary] gives the distribution of some settings, such as `start.x = { uniform = [-5, 5] }`. Seed 0
 runs the scenario as it is written; each other seed draws these settings anew, so that runs differ
@@ -31,7 +31,9 @@ FIXED = ("run.seed", "expect", "vary", "sweep", "measure")
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """A setting with the distribution that its value is drawn from, once for each seed."""
+    """A setting of a scenario, such as "start.x", and the distribution from which its value is
+    drawn for each seed: the distribution's name, and its parameters or choices.
+    """
 
     key: str
     """Name of the setting, such as "start.x"."""
@@ -42,13 +44,15 @@ class Draw:
 
     @property
     def ends(self) -> tuple[Value, ...]:
-        """Return values that are checked before a run: both ends of the range of a uniform or
-        log-uniform distribution, the mean of a normal one, or all choices.
+        """Values of the setting that are checked before a run: both ends of the range of a uniform
+        or log-uniform distribution, the mean of a normal one, or all choices.
         """
         return self.numbers[:1] if self.law == "normal" else self.numbers
 
     def value(self, seed: int) -> Value:
-        """Return the value that is drawn for a seed; the same seed gives the same value."""
+        """Return the value of the setting that is drawn for the seed of a run; the same seed gives
+        the same value.
+        """
         rng = stream(seed, f"draw {self.key}")
         match self.law:
             case "uniform":
@@ -62,10 +66,16 @@ class Draw:
 
 
 def draws_of(table: object, place: str) -> tuple[Draw, ...]:
-    """Return the drawn settings of a scenario from its table [vary].
+    """Return the settings of a scenario that are drawn at random, with their distributions, in the
+    order of its table [vary].
+
+    Args:
+        table: The table [vary], such as {"start.x": {"uniform": [-5, 5]}}.
+        place: Where the table comes from; it begins messages.
 
     Raises:
-        Mistake: A setting or a distribution is wrong; the message begins with `place`.
+        Mistake: A setting cannot be drawn, or a distribution is wrong. Whether the setting exists
+            is not checked.
     """
     if not is_table(table):
         raise Mistake(f"{place} should be a table of settings and distributions, not {table!r}")
@@ -89,16 +99,18 @@ def draws_of(table: object, place: str) -> tuple[Draw, ...]:
 
 
 def law_of(given: Table, at: str, counts: Mapping[str, int | None]) -> tuple[str, tuple[Any, ...]]:
-    """Return the name and the values of the distribution in a table: "uniform" and (0, 1) for {
-    uniform = [0, 1] }.
+    """Return the name and the parameters of the distribution that a table describes: "uniform" and
+    (0, 1) for { uniform = [0, 1] }.
 
     Args:
         given: The table.
-        at: The table's place, for messages.
-        counts: Number of values of each distribution that is allowed; None: any number.
+        at: Where the table comes from; it begins messages.
+        counts: Number of parameters by name, for each distribution that is allowed; None: any
+            number.
 
     Raises:
-        Mistake: The distribution is not among `counts`, or its values are wrong.
+        Mistake: The table does not name exactly one distribution of `counts`, or its parameters are
+            wrong.
     """
     if len(given) != 1 or not given.keys() <= counts.keys():
         raise Mistake(
@@ -133,13 +145,14 @@ def law_of(given: Table, at: str, counts: Mapping[str, int | None]) -> tuple[str
 
 
 def flat(table: Mapping[str, object], place: str, ends: Collection[str] = ()) -> Table:
-    """Return the values of nested tables by dotted keys such as "run.latency", which have no
-    spaces around dots.
+    """Return the values of nested tables as one table with dotted keys such as "run.latency",
+    without spaces around the dots; a name that contains a dot is in quotes.
 
     Args:
-        table: The outer table.
-        place: The table's place, for messages.
-        ends: Keys, such as "uniform": a table that has one of them is a value, as an empty one is.
+        table: The outer table, which is not changed.
+        place: Where the table comes from; it begins messages.
+        ends: Keys, such as "uniform": a table that has one of them is a value, and so is an empty
+            table.
 
     Raises:
         Mistake: A key is given twice, also in different spellings, or has an empty name.
@@ -160,8 +173,9 @@ def flat(table: Mapping[str, object], place: str, ends: Collection[str] = ()) ->
 
 
 def leaves(table: Mapping[str, object], ends: Collection[str] = ()) -> Iterable[tuple[str, object]]:
-    """Yield the dotted key and the value of each setting in nested tables; keys may repeat. A table
-    with a key from `ends`, such as "uniform", is one value, and so is an empty table.
+    """Yield the dotted key and the value of each setting in nested tables. A table that has a key
+    from `ends`, such as "uniform", is one value, and so is an empty table. The same dotted key is
+    yielded twice if the tables spell it in two ways.
     """
     for key, value in table.items():
         if is_table(value) and value and value.keys().isdisjoint(ends):

@@ -1,4 +1,6 @@
-"""The bounds on a run's measures in a scenario's table [expect], by kind of tracker."""
+"""The bounds on a run's measures that a scenario states in its table [expect], for each kind of
+tracker.
+"""
 
 import functools
 from dataclasses import dataclass
@@ -27,8 +29,8 @@ SUCCESS_RATE = "success_rate"
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """The bounds of a scenario for its own tracker and for others: upper bounds by measure, the
-    expected `outcome`, and the least success rate of drawn seeds.
+    """What a scenario expects of its runs, for its own tracker and for others: upper bounds on
+    measures by name, the `outcome`, and for seeds with drawn settings the least success rate.
     """
 
     own: str
@@ -42,12 +44,12 @@ class Expected:
 
     @staticmethod
     def read(table: Table, written: Table, place: str) -> "Expected":
-        """Read the bounds of a scenario.
+        """Read and check the bounds of a scenario, and return them.
 
         Args:
-            table: The scenario's table, with changes by --set or a study.
+            table: The scenario's table, with changes by the option --set or by a study.
             written: The table as it is in the scenario's file.
-            place: The table's place, for messages.
+            place: Where the table comes from; it begins messages.
 
         Raises:
             Mistake: A tracker, a measure or an outcome is unknown, a bound is not a finite number,
@@ -80,22 +82,22 @@ class Expected:
         return Expected(own, expect, changed, others)
 
     def made_for(self, kind: str) -> Table:
-        """Return all bounds for a kind of tracker, with those that --set or a study has changed;
-        those for runs with drawn settings have names such as drawn.servo_rms_px. An empty table if
-        the scenario has none for this tracker.
+        """Return all bounds for a kind of tracker by measure, with those that --set or a study has
+        changed. Bounds that hold only for seeds with drawn settings have names with a prefix, such
+        as drawn.servo_rms_px. The table is empty if the scenario has no bounds for this tracker.
         """
         if kind == self.own:
             return self.expect
         return self.others.get(kind, self.others.get(ANY, {})) | self.changed
 
     def of(self, kind: str, *, drawn: bool = False) -> Table:
-        """Return the bounds of a run by measure, with the expected `outcome`; an empty table if the
-        scenario has none for this tracker.
+        """Return the bounds that apply to one run by measure, and the expected `outcome`; an empty
+        table if the scenario has none for this tracker.
 
         Args:
             kind: Kind of the run's tracker.
             drawn: Whether the run's seed has drawn settings: the bounds in [expect.drawn] then
-                replace others, and `success_rate` is returned if it is set.
+                replace the others, and `success_rate` is returned too if it is set.
         """
         found = self.made_for(kind)
         own, of_drawn = _parts(found)
@@ -103,7 +105,7 @@ class Expected:
 
     def unjudged(self, kind: str) -> str:
         """Return a sentence that explains why runs with a kind of tracker have no verdict, if the
-        scenario has bounds only for other trackers; else "".
+        scenario has bounds, but only for other trackers; else "".
         """
         if self.made_for(kind) or not self.expect:
             return ""
@@ -145,7 +147,9 @@ def _parts(bounds: Table) -> tuple[Table, Table]:
 
 
 def tracker_of(table: Table) -> str:
-    """Return the kind of tracker that a scenario's table names, or the default kind."""
+    """Return the kind of tracker, such as "kams", that a scenario's table names by tracker.kind;
+    the default kind if it names none.
+    """
     tracker = table.get(TRACKER, {})
     default = PLUGINS[TRACKER][1]
     return str(tracker.get("kind", default)) if is_table(tracker) else default

@@ -1,4 +1,4 @@
-"""Converts tables of TOML to frozen dataclasses of settings; each error is one sentence."""
+"""Conversion of TOML tables to frozen dataclasses of settings; each error is one sentence."""
 
 import functools
 import itertools
@@ -30,8 +30,8 @@ MESSAGES = {
 
 
 class WrongSetting(Mistake):
-    """An error about a setting in a table; its sentence and its attribute `setting` name the
-    setting, but not the file that it is in.
+    """Error about a setting in a table. Its message names the setting but not the file; the caller
+    adds the file or option. `setting` is the name, such as "disturbances[0].start".
     """
 
     def __init__(self, sentence: str, setting: str = "") -> None:
@@ -42,7 +42,7 @@ class WrongSetting(Mistake):
 
 @functools.cache  # building one takes longer than a hundred uses
 def form(config: type[Any], *, described: bool = False) -> type[BaseModel]:
-    """Return the pydantic model that checks tables for a dataclass of settings.
+    """Return the pydantic model that checks TOML tables for a dataclass of settings. It is cached.
 
     Args:
         config: The dataclass; its instance without arguments has the defaults.
@@ -82,18 +82,18 @@ def _form_of(settings: Any, described: bool) -> type[BaseModel]:
 
 
 def fill(config: type[Config], table: object, place: str, begin: Config | None = None) -> Config:
-    """Return an instance of a dataclass with the settings of a table.
+    """Return an instance of a dataclass of settings with the values of a table.
 
     Args:
         config: The dataclass.
         table: The settings, as read from TOML.
-        place: The table's place, which begins messages.
-        begin: Gives the settings that the table leaves out; None: the defaults.
+        place: Name of the table, such as "run"; it begins messages.
+        begin: Instance that gives the settings which the table leaves out; None: the defaults.
 
     Raises:
         WrongSetting: A key is unknown, a value has the wrong type or is out of range, or the
             dataclass refuses several values together.
-        UnknownKind: An annotation in the dataclass cannot be used (see `form`).
+        UnknownKind: An annotation in the dataclass cannot be used.
     """
     begin = config() if begin is None else begin
     if table == {}:
@@ -102,16 +102,16 @@ def fill(config: type[Config], table: object, place: str, begin: Config | None =
 
 
 def validated(model: type[Model], table: object, prefix: str) -> Model:
-    """Check a table with a pydantic model, and return the model's instance.
+    """Check a table with a pydantic model, and return the model's instance with the table's values.
 
     Args:
-        model: Has the keys of the table with their types and ranges.
+        model: The model, with the keys of the table, their types and ranges.
         table: The table, as read from TOML.
         prefix: Text before each key in messages, such as "run." or "mine.toml: ".
 
     Raises:
-        WrongSetting: `table` is not a table, a key is unknown, or a value has the wrong type or is
-            out of range.
+        WrongSetting: `table` is not a table, a key is unknown or missing, or a value has the wrong
+            type or is out of range.
     """
     place = prefix.rstrip(".: ")
     if not is_table(table):
@@ -195,19 +195,22 @@ def _wrong(error: ErrorDetails, prefix: str, model: type[BaseModel]) -> WrongSet
 def fill_plugin(
     kinds: Kinds[Config], table: object, place: str, default: str = "", own: Config | None = None
 ) -> Config:
-    """Return the `Config` of the kind that a table names, with the table's settings.
+    """Return the settings, a `Config`, of the kind of component that a table names, with the
+    table's values.
 
     Args:
         kinds: All kinds of this component.
-        table: The table, as read from TOML; its `preset` gives the settings that it leaves out.
-        place: The table's place, which begins messages.
-        default: The kind of a table without `kind`.
+        table: The table, as read from TOML; its `kind` names the kind, and its `preset`, if it has
+            one, a preset that gives the settings which it leaves out.
+        place: Name of the table, such as "tracker"; it begins messages.
+        default: The kind of a table without `kind`; "": `kind` is required.
         own: A `Config` that was given from Python; it is used if the table names its kind, and
             gives the settings that the table leaves out.
 
     Raises:
         WrongSetting: The kind, the preset or a key is unknown, a value has the wrong type or is out
-            of range, the `Config` refuses several values together, or a file names a command.
+            of range, the `Config` refuses several values together, or a file names a command to
+            start.
     """
     if not is_table(table):
         raise WrongSetting(f"{place} should be a table with a kind, not {table!r}", place)

@@ -1,5 +1,5 @@
-"""Changes of a scenario's settings, as keywords of Python functions, such as gain=1.5, or as texts
-of the option --set.
+"""Changes of a scenario's settings that are given as keywords of Python functions, such as
+gain=1.5, or as texts of the option --set.
 """
 
 import dataclasses
@@ -14,8 +14,8 @@ from sim import kinds
 
 
 class Change(NamedTuple):
-    """A change of a setting: its dotted key, its new value, and the option or keyword that made the
-    change.
+    """A change of a setting of a scenario: the setting's dotted key, its new value, and the option
+    or keyword that made the change, for messages.
     """
 
     key: str
@@ -26,16 +26,13 @@ class Change(NamedTuple):
 
 
 def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
-    """Return the option, keyword or file that gave some settings their values, for a message.
+    """Return where some settings got their values, for a message: the option or keyword of the last
+    change of one of them, of a table around it, or of a value inside it.
 
     Args:
         changes: All changes, in the order in which they are made.
-        file: The file, which is returned if no change concerns the settings.
+        file: The scenario's file, which is returned if no change concerns the settings.
         *settings: Settings, such as "run.duration" and "disturbances[0].start".
-
-    Returns:
-        The place of the last change of one of the settings, of a table that has it, or of a value
-        inside it.
     """
     for change in reversed(changes):
         changed = ".".join([*names_of(change.key), ""])
@@ -49,7 +46,7 @@ def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
 def of_keywords(
     given: Mapping[str, object], tables: Sequence[str], known: Sequence[str] = ()
 ) -> Iterator[Change]:
-    """Yield the changes that keywords make.
+    """Yield the changes of settings that keywords of a Python function make.
 
     A keyword is a table (camera={"noise": 3}), a kind (tracker="kams"), a setting with its table
     (**{"start.x": 5}), or a setting whose name is unique (gain=1.5).
@@ -57,7 +54,8 @@ def of_keywords(
     Args:
         given: Values by keyword.
         tables: The names of a scenario's tables.
-        known: The names of all settings, such as "start.x".
+        known: The full names of all settings, such as "start.x", among which names without a table
+            are looked up.
 
     Raises:
         Mistake: There is no such setting, or its name is not unique.
@@ -103,8 +101,9 @@ def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
 
 
 def own_parts(given: Mapping[str, object]) -> dict[str, Any]:
-    """Return the `Config` of each keyword that gives a component as an object of Python, such as
-    tracker=MyTracker, by keyword; all other keywords are left out.
+    """Return, by keyword, the settings (`Config`) of each component that is given as an object of
+    Python, such as tracker=MyTracker; keywords with a text or a dictionary, and those that name no
+    component, are left out.
 
     Raises:
         Mistake: An object is neither a `Config` nor can be wrapped as one.

@@ -1,4 +1,4 @@
-"""Loads scenarios from TOML files as frozen values; each error names the file or the option."""
+"""Loading of scenarios from TOML files as frozen values; each error names the file or option."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,7 @@ MOST_FRAMES = 360_000
 @dataclass(frozen=True, slots=True)
 class Scenario(Setup):
     """A scenario that has been loaded: all settings of a run, the TOML table that they come from,
-    the settings drawn for the seed, and the bounds that the run's measures should keep.
+    the values drawn for the seed, and the upper bounds that the run's measures should keep.
     """
 
     table: Table = field(repr=False)
@@ -49,21 +49,24 @@ class Scenario(Setup):
 
     @property
     def unjudged(self) -> str:
-        """Return a sentence if a run has no verdict because the bounds are for another tracker;
-        else "".
+        """A sentence that says that a run has no verdict, if the scenario has bounds only for other
+        trackers; else "".
         """
         return self.bounds.unjudged(kinds.kind_of(self.tracker)) if not self.expect else ""
 
     @property
     def rates_changed(self) -> dict[str, float]:
-        """Return the rates that a run uses [Hz] where they differ from the settings, by name of the
-        setting.
+        """Rates of physics and drives that a run uses [Hz] where they differ from the settings,
+        because a frame must have a whole number of physics steps; by name of the setting, such as
+        "world.physics_rate".
         """
         asked = self.world.physics_rate, self.world.drive_rate, self.camera.rate
         return Rates.of(*asked).changed(*asked)
 
     def settings(self) -> Table:
-        """Return all settings of the run by table, defaults included."""
+        """Return all settings of the run, defaults included: a table for each section, and for
+        `disturbances` a list of tables.
+        """
         found: Table = {name: dataclasses.asdict(getattr(self, name)) for name in SECTIONS}
         found |= {name: _described(getattr(self, name)) for name in PLUGINS}
         found |= {name: [_described(item) for item in getattr(self, name)] for name in LISTS}
@@ -83,7 +86,8 @@ def _described(config: object) -> Table:
 def load(
     name: str | Path, overrides: Sequence[str] = (), seed: int | None = None, **settings: object
 ) -> Scenario:
-    """Load a scenario by its shipped name or from a TOML file.
+    """Load a scenario, a shipped one by its name or one from a TOML file, with changes of its
+    settings.
 
     >>> load("still", ["run.duration=2"], gain=1.5).frames
     60
@@ -92,7 +96,7 @@ def load(
         name: Name or path, such as "reversal" or "mine/slow.toml".
         overrides: Changes of settings, such as "tracker.kind=frozen", as for --set of the command
             line; of several changes of one setting the last one counts.
-        seed: Replaces run.seed.
+        seed: Replaces run.seed; None: it stays.
         **settings: More changes, such as gain=1.5, tracker="kams" or camera={"noise": 3.0}; also a
             component of yours, such as tracker=MyTracker: a `Config` (instance or class), or a
             tracker that `tracking.wrap` accepts. Its settings can be changed in the same call.
@@ -169,16 +173,18 @@ def parse(
     changes: Sequence[Change] = (),
     own: Mapping[str, object] = NO_PARTS,
 ) -> Scenario:
-    """Check a scenario's TOML table, draw its settings for its seed, and return the scenario.
+    """Check a scenario's TOML table, draw the settings of its table [vary] for its seed, and return
+    the scenario.
 
     Args:
         table: The table, with all changes.
         name: The scenario's name.
         place: The scenario's file, for messages.
-        written: The table without changes, whose tracker the bounds in [expect] are for; None: the
-            same table.
-        changes: The changes in their order; messages name the one that set a wrong value.
-        own: Components that are given as objects of Python, by table.
+        written: The table without changes, for whose tracker the bounds in [expect] are made; None:
+            the same table.
+        changes: The changes that are already in `table`, in their order; messages name the one that
+            set a wrong value.
+        own: Settings (`Config`) of components that are given as objects of Python, by table.
 
     Raises:
         Mistake: A table, a setting or a bound is wrong.

@@ -1,5 +1,5 @@
-"""Finds the files of scenarios and studies and the files that their settings name, and returns
-SHA-256 digests of them.
+"""Finds the files of scenarios and studies, and the files (models, pictures, ...) that their
+settings name, and computes SHA-256 digests of the latter.
 
 A setting names a file if its type is `sim.ranges.File`.
 """
@@ -36,15 +36,16 @@ AROUND = {"vary": 1, "set": 1, "axes": 1, "named": 3}
 
 
 def read(name: str) -> tuple[Table, str]:
-    """Return a scenario's table, not checked yet, and the name of its file without folder, such as
-    "still.toml".
+    """Return the table of a scenario's TOML file, whose settings are not checked yet, and the
+    file's name without folder, such as "still.toml".
 
     Args:
-        name: Name of a shipped scenario, or path of a TOML file. Names of files that lie beside the
-            latter become absolute paths; others stay relative to the working directory.
+        name: Name of a shipped scenario, or path of a TOML file. Names in its settings of files
+            that lie beside it become absolute paths; other names stay relative to the working
+            directory.
 
     Raises:
-        Mistake: There is no such file, or it cannot be read, or is not valid TOML.
+        Mistake: There is no such file, it cannot be read, or it is not valid TOML.
     """
     path = path_of(name)
     table = toml.decode(toml.read(path, "scenario"), path.name)
@@ -52,14 +53,15 @@ def read(name: str) -> tuple[Table, str]:
 
 
 def path_of(name: str, what: str = "scenario") -> Path:
-    """Return the path of a scenario's or study's file.
+    """Return the path of a scenario's or study's TOML file.
 
     Args:
-        name: Name of a shipped file, or a path that ends in .toml, which need not exist.
+        name: Name of a shipped scenario or study, or a path that ends in .toml, which is returned
+            as it is and need not exist.
         what: "scenario" or "study".
 
     Raises:
-        Mistake: There is no shipped file of this name.
+        Mistake: No scenario or study of this name is shipped.
     """
     path = Path(name)
     if path.suffix == ".toml":
@@ -77,8 +79,9 @@ def file_settings(config: type[Any], mark: type[NamesFile] = NamesFile) -> froze
     the dataclass has annotations that cannot be evaluated.
 
     Args:
-        config: The dataclass.
-        mark: `NamesFolder` for those settings only that may name a folder, too.
+        config: The dataclass of settings.
+        mark: `NamesFile` for all these settings, `NamesFolder` for those only that may name a
+            folder too.
     """
     with suppress(Exception):
         hints = get_type_hints(config, include_extras=True)
@@ -93,15 +96,17 @@ def _has(hint: object, mark: type[NamesFile]) -> bool:
 
 
 def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
-    """Return the table of a scenario or study with absolute paths of the files beside it.
+    """Return a copy of the table of a scenario or study in which the names of files that exist
+    beside it are absolute paths.
 
-    Names of files that are not in the folder stay as they are, as do texts of the command line:
-    both are relative to the working directory.
+    Names of files that are not in the folder stay as they are, as do names that the user gave on
+    the command line: both are relative to the working directory.
 
     Args:
         table: The table, as read from its file.
         folder: The folder of that file.
-        *bases: Tables of the study's scenarios, which name the kinds of its settings.
+        *bases: Tables of a study's scenarios, which name the kinds of components that the study's
+            settings belong to.
     """
 
     def whole(name: str, *, may_be_folder: bool) -> str:
@@ -118,8 +123,11 @@ def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
 
 
 def named_in(*tables: Table) -> list[str]:
-    """Return the names of the files that settings name, in the tables of a study and of its
-    scenarios.
+    """Return the names of the files that the settings in tables name, in the order of the tables; a
+    name may repeat.
+
+    Args:
+        *tables: Tables of scenarios, or of a study and its scenarios.
     """
     found: list[str] = []
 
@@ -135,16 +143,18 @@ def named_in(*tables: Table) -> list[str]:
 
 
 def named_by(config: object) -> list[str]:
-    """Return the names of the files in the settings of a component's `Config`."""
+    """Return the names of the files that the settings (`Config`) of a component name, "" for a
+    setting without a file.
+    """
     values = [getattr(config, name) for name in sorted(file_settings(type(config)))]
     each = (value if isinstance(value, tuple) else [value] for value in values)
     return [name for names in each for name in names if isinstance(name, str)]
 
 
 def digests(names: Iterable[str]) -> dict[str, str]:
-    """Return one digest for each named file, made from the file and those that it refers to, such
-    as meshes, by name. Names that are no readable path are left out. A file that has the name of a
-    shipped one causes a warning.
+    """Return digests by name of file: 12 hexadecimal digits of SHA-256 of each file together with
+    those that it refers to, such as meshes. Names of files that cannot be read are left out. A file
+    that has the name of a shipped one causes a warning.
     """
     found = {name: digest_of(name) for name in names}
     own = {name: digest for name, digest in found.items() if digest != MISSING}
@@ -154,9 +164,10 @@ def digests(names: Iterable[str]) -> dict[str, str]:
 
 
 def digest_of(name: str) -> str:
-    """Return a digest (12 hex digits of SHA-256) of a file and the files that it refers to or that
-    belong to it, such as a model's meshes or a recording's truth, or of all files in a folder;
-    "missing" if one of them cannot be read.
+    """Return a digest, 12 hexadecimal digits of SHA-256, of a file together with those that it
+    refers to or that belong to it, such as a model's meshes or a recording's truth; for a folder,
+    of all files in it. The result is "missing" if there is no such file, or one of them cannot be
+    read.
     """
     try:
         files = sorted(_files(name))
@@ -190,10 +201,17 @@ def _digest(path: Path, changed: int, size: int) -> str:
 
 
 class Change(Protocol):
-    """A function that returns a new name for a file that a setting names."""
+    """Function that is called for each name of a file in a setting, and returns the name that
+    replaces it.
+    """
 
     def __call__(self, name: str, /, *, may_be_folder: bool) -> str:
-        """Return the new name; `may_be_folder`: the setting may name a folder, too."""
+        """Return the new name of a file.
+
+        Args:
+            name: The name in the setting.
+            may_be_folder: Whether the setting may also name a folder.
+        """
         ...
 
 

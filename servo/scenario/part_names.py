@@ -1,4 +1,4 @@
-"""The ways to name a tracker or control law on the command line, such as kams:paper (KIND:PRESET),
+"""Names of trackers and control laws on the command line, such as kams:paper (KIND:PRESET),
 module:Class or trax:COMMAND, and the settings that they stand for.
 """
 
@@ -25,11 +25,12 @@ FORMS = {PROGRAM: "'program:COMMAND'", TRAX: "'trax:COMMAND'", ONNX: "onnx:FILE"
 
 
 def named_part(section: str, text: str) -> tuple[str, str]:
-    """Split a text NAME=PART, such as "mine=package:Class", into name and part (a tracker or
-    control law); a text without "=" is both.
+    """Split a text NAME=PART, such as "mine=package:Class", and return the name and the part, which
+    is a tracker or a control law; a text without "=" is both.
 
     Args:
-        section: The section of a scenario that the part is for, such as "tracker".
+        section: The section of a scenario that the part is for, such as "tracker"; it is used only
+            in messages.
         text: The text.
 
     Raises:
@@ -47,11 +48,12 @@ def named_part(section: str, text: str) -> tuple[str, str]:
 
 
 def settings_of(section: str, what: str) -> Settings:
-    """Return the settings, by dotted key, that put a part into a section of a scenario.
+    """Return the settings, by dotted key such as "tracker.kind", that put a component into a
+    section of a scenario.
 
     Args:
         section: The section, such as "tracker" or "controller".
-        what: The part: kind, kind:preset, module:Class or program:COMMAND; for a tracker also
+        what: The component: kind, kind:preset, module:Class or program:COMMAND; for a tracker also
             trax:COMMAND or onnx:FILE[,FILE[,FILE]], whose number of files selects OpenCV's tracker
             (1: Vit, 2: Nano, 3: DaSiamRPN), and for a controller onnx:FILE.
 
@@ -63,9 +65,13 @@ def settings_of(section: str, what: str) -> Settings:
 
 
 def changes_of(tracker: str | None, controller: str | None) -> list[str]:
-    """Return the changes KEY=VALUE, as --set takes them, that put a tracker and a controller into a
-    scenario. Both are given as on the command line, such as "kams:paper" (KIND:PRESET) or
-    "module:Class"; None: the scenario's own stays.
+    """Return changes of settings, such as 'tracker.kind="kams"', as the option --set takes them,
+    that put a tracker and a controller into a scenario.
+
+    Args:
+        tracker: The tracker as on the command line, such as "kams:paper" (KIND:PRESET) or
+            "module:Class"; None: the scenario's own stays.
+        controller: The controller likewise.
 
     Raises:
         Mistake: A command or a file is missing, or there are too many files.

@@ -1,5 +1,5 @@
-"""Reads the recording that a scenario's table [recording] names: its pictures, the target's truth,
-and its camera.
+"""Reads the recording of a real scene that a scenario's table [recording] names: its pictures, the
+target's true corners in them, and its camera.
 """
 
 import functools
@@ -27,7 +27,8 @@ FOLDER = "recordings"
 
 
 def read(config: RecordingConfig) -> Recorded:
-    """Return the recording that settings name, as it is on the disk now.
+    """Return the recording that settings name, as it is on the disk now; it is cached until its
+    files change.
 
     Raises:
         Mistake: Pictures, truth or calibration cannot be read or do not fit each other, or the
@@ -48,7 +49,8 @@ def read(config: RecordingConfig) -> Recorded:
 
 
 def is_lens_assumed(config: RecordingConfig) -> bool:
-    """Return whether neither the settings nor a calibration file give the camera's field of view.
+    """Return True if the field of view of the recording camera is an assumption: neither the
+    settings nor a calibration file give it.
 
     Raises:
         Mistake: `pictures` names a camera or a stream, or neither a file, a folder nor a shipped

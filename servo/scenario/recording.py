@@ -1,5 +1,5 @@
-"""The table [recording] of a scenario: recorded pictures of a real scene, out of which the pictures
-of a run's camera are cut; this camera only turns, on a pan-tilt head.
+"""The table [recording] of a scenario: recorded pictures of a real scene, from which the pictures
+of the run's camera are cut out. This camera only turns, on a pan-tilt head.
 """
 
 from dataclasses import dataclass
@@ -70,8 +70,9 @@ class RecordingConfig:
             raise ValueError("fov_deg and calibration both give the lens; leave one out")
 
     def renderer(self) -> MakeRenderer | None:
-        """Return a function that makes a renderer, whose pictures are views in different directions
-        cut out of the recording; None if the settings name no recording.
+        """Return a function that makes the renderer of a run, whose pictures are cut out of the
+        recording in the direction in which the camera looks; None if the settings name no
+        recording.
 
         Raises:
             Mistake: The recording cannot be read.
@@ -79,8 +80,9 @@ class RecordingConfig:
         return partial(RecordingRenderer, recorded_of(self)) if self.pictures else None
 
     def remarks(self) -> list[str]:
-        """Return a sentence if the recording's field of view is taken to be 60 degrees because
-        nothing gives it, and one if its pictures are enlarged; none without a recording.
+        """Return sentences for the user: one if the recording's field of view is taken to be 60
+        degrees because nothing gives it, and one if its pictures are enlarged. The list is empty if
+        neither holds, or without a recording.
 
         Raises:
             Mistake: The recording cannot be read.
@@ -106,13 +108,15 @@ class RecordingConfig:
 
 @dataclass(frozen=True)
 class MovedByRecording:
-    """Settings of the motion of a recorded target: the recording, whose truth gives the motion."""
+    """Settings of the motion of a recorded target: the recording, whose truth file gives the
+    motion.
+    """
 
     kind = "recorded"
     recording: RecordingConfig
 
     def build(self, rng: np.random.Generator) -> RecordedMotion:
-        """Return the motion of the target in the recording; uses no random numbers.
+        """Return the motion of the target in the recording; `rng` is not used.
 
         Raises:
             Mistake: The recording cannot be read.
@@ -122,13 +126,15 @@ class MovedByRecording:
 
 @dataclass(frozen=True)
 class ShownByRecording:
-    """Settings of a recorded target: the recording, whose pictures alone show the target."""
+    """Settings of a recorded target: the recording, whose pictures alone show the target, so that
+    no model of it is drawn.
+    """
 
     kind = "recorded"
     recording: RecordingConfig
 
     def build(self, rng: np.random.Generator) -> Target:
-        """Return the target of the recording; uses no random numbers.
+        """Return the target of the recording; `rng` is not used.
 
         Raises:
             Mistake: The recording cannot be read.
@@ -137,8 +143,8 @@ class ShownByRecording:
 
 
 def recorded_parts(config: RecordingConfig) -> dict[str, object]:
-    """Return the settings of the motion and the target of a recording, by the name of their table;
-    an empty dictionary if the settings name no recording.
+    """Return the settings of the motion and of the target of a recording, under the keys "motion"
+    and "target"; an empty dictionary if the settings name no recording.
     """
     if not config.pictures:
         return {}
@@ -146,15 +152,15 @@ def recorded_parts(config: RecordingConfig) -> dict[str, object]:
 
 
 def with_recording(table: Table, place: str) -> Table:
-    """Return a scenario's table in which a recording, if it names one, gives the settings of
-    camera, run, robot, world and start that the user left out: the recording's rate, duration and
-    focal length, a pan-tilt head as the robot, whose ranges end where the view would leave the
-    recording, world.visibility = true (each frame says whether the recording shows the target), and
-    a start at which the camera looks at the target.
+    """Return a scenario's table in which a recording gives those settings of camera, run, robot,
+    world and start that the user left out: the recording's rate, duration and focal length, a
+    pan-tilt head as the robot, whose ranges end where the picture would leave the recording,
+    world.visibility = true (each frame says whether the recording shows the target), and a start at
+    which the camera looks at the target.
 
     Args:
-        table: The scenario's table, which is returned unchanged without a recording; settings of
-            the user stay.
+        table: The scenario's table, which is not changed; it is returned as it is if it names no
+            recording.
         place: The scenario's file, or the option that names the recording, for messages.
 
     Raises:
@@ -226,8 +232,11 @@ def _view(camera: Table) -> Camera:
 
 
 def scale_of(camera: Camera) -> float:
-    """Return the factor from a recording's pixels to pixels of the run's pictures: the smallest one
-    with which the recording has at least 640 x 480 px.
+    """Return the factor by which the pictures of a recording are enlarged for a run: the smallest
+    one that makes them at least 640 px wide and 480 px high; below 1 for larger ones.
+
+    Args:
+        camera: The recording camera, with the size of its pictures [px].
     """
     return max(LEAST[0] / camera.width, LEAST[1] / camera.height)
 
@@ -266,7 +275,8 @@ def _start(recorded: Recorded, view: Camera, room: tuple[Range, Range]) -> Table
 
 
 def recorded_of(config: RecordingConfig) -> Recorded:
-    """Return the recording that settings name, as it is on the disk now.
+    """Return the recording that settings name: its pictures, the target's true corners in them and
+    its camera, as they are on the disk now.
 
     Raises:
         Mistake: Pictures, truth or calibration cannot be read or do not fit each other, or the

@@ -1,4 +1,4 @@
-"""Names of the tables in a scenario's TOML file, and for each the dataclass of its settings."""
+"""Names of the tables in a scenario's TOML file, and the dataclass of the settings in each."""
 
 from contextlib import suppress
 from typing import Any
@@ -50,19 +50,20 @@ KEYS = (*SETTABLE, "sweep")
 
 
 def section_of(setting: str) -> str:
-    """Return the name of the table that has a setting: "start" for "start.x"."""
+    """Return the name of the scenario's table that has a setting, the part before the first dot:
+    "start" for "start.x".
+    """
     return setting.partition(".")[0]
 
 
 def config_of(section: str, kind: str | None = None) -> type[Any] | None:
-    """Return the dataclass of the settings in a table of a scenario.
+    """Return the dataclass of the settings in a table of a scenario; None if there is no such
+    table, or if its kind is unknown or cannot be imported.
 
     Args:
         section: Name of the table, or of a list of tables such as "disturbances".
-        kind: Kind of the component that the table describes; None: the default kind.
-
-    Returns:
-        The class; None if there is no such table, or if its kind is unknown or cannot be imported.
+        kind: Kind of the component that the table describes, which tables such as "run" do not
+            have; None: the default kind.
     """
     if section in SECTIONS:
         return SECTIONS[section]

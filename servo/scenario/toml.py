@@ -1,4 +1,6 @@
-"""TOML texts as tables, in which settings are changed by paths such as "tracker.kind"."""
+"""Reading of TOML texts as nested dictionaries (tables), and changes of the settings in them by
+dotted paths such as "tracker.kind".
+"""
 
 import math
 import re
@@ -26,7 +28,7 @@ TOO_DEEP = f"tables and lists are nested too deep; the limit is {DEEPEST} levels
 
 
 def read(path: Path, what: str) -> str:
-    """Return the text of a file.
+    """Return the text of a file of at most 1 MB.
 
     Args:
         path: The file.
@@ -40,10 +42,15 @@ def read(path: Path, what: str) -> str:
 
 
 def decode(text: str, place: str) -> Table:
-    """Parse a TOML text; `place`, such as the name of its file, begins the messages.
+    """Parse a TOML text, and return its table.
+
+    Args:
+        text: The text.
+        place: Name of the text's file, which begins messages.
 
     Raises:
-        Mistake: The text is not TOML, or has an invalid value (see `check`).
+        Mistake: The text is not TOML, or has an invalid value: an integer of more than 64 bits, or
+            tables and lists that are nested too deep.
     """
     try:
         table = tomllib.loads(text)
@@ -60,11 +67,11 @@ def check(value: object, place: str, depth: int = 0) -> None:
     Args:
         value: The value.
         place: File and key of the value, for messages.
-        depth: Number of tables and lists around it.
+        depth: Number of tables and lists around the value; callers leave it out.
 
     Raises:
         Mistake: An integer has more than 64 bits, a text is not Unicode, or tables and lists are
-            nested too deep.
+            nested more than 20 deep.
     """
     if depth > DEEPEST:
         raise Mistake(f"{place}: {TOO_DEEP}")
@@ -89,7 +96,7 @@ def check(value: object, place: str, depth: int = 0) -> None:
 
 
 def copied(table: Table) -> Table:
-    """Return a copy of a table, inner tables and lists included."""
+    """Return a copy of a table in which inner tables and lists are copied too."""
     return {key: _copied(value) for key, value in table.items()}
 
 
@@ -107,17 +114,18 @@ def _copied(value: object) -> object:
 
 
 def is_table(value: object) -> TypeGuard[Table]:
-    """Return whether a value of TOML is a table."""
+    """Return whether a value of TOML is a table, which is a dictionary in Python."""
     return isinstance(value, dict)
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Return whether a value of TOML is a finite number (not true or false)."""
+    """Return whether a value of TOML is a finite number; True and False are no numbers."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def names_of(path: str) -> list[str]:
-    """Return the names in a dotted path; a name in quotes may contain dots.
+    """Return the names in a dotted path, without spaces around them; a name in quotes may contain
+    dots.
 
     >>> names_of('expect.tracker."my.kind"')
     ['expect', 'tracker', 'my.kind']
@@ -127,8 +135,9 @@ def names_of(path: str) -> list[str]:
 
 
 def assignment(item: str) -> tuple[str, object]:
-    """Split "a.b=value", as given to --set, into path and value, which is a text if it is not TOML,
-    or if the path ends in `kind`.
+    """Split a text "a.b=value", as given to the option --set, and return the path and the value. A
+    value that is not TOML is a text, and so is a number, a flag or a list if the path ends in
+    `kind`.
 
     >>> assignment("tracker.kind=frozen")
     ('tracker.kind', 'frozen')
@@ -147,8 +156,8 @@ def assignment(item: str) -> tuple[str, object]:
 
 
 def put(table: Table, path: str, value: object, place: str) -> None:
-    """Set a value in a scenario's table, in place, and remove the distribution of this setting from
-    [vary].
+    """Set a value in a scenario's table, in place, and remove the random distribution of this
+    setting from its table [vary].
 
     Args:
         table: The scenario's table.
@@ -189,18 +198,18 @@ def put(table: Table, path: str, value: object, place: str) -> None:
 
 
 def with_settings(table: Table, settings: Table, place: str) -> Table:
-    """Return a copy of a scenario's table in which some settings have other values, and the
-    distributions of these settings are removed from [vary].
+    """Return a copy of a scenario's table in which some settings have other values, and the random
+    distributions of these settings are removed from its table [vary].
 
     Args:
         table: The scenario's table.
-        settings: New values by path, such as "tracker.kind"; a new `kind` clears the other
-            settings of its table.
+        settings: New values by path, such as "tracker.kind"; a new `kind` clears the other settings
+            of its table.
         place: The file or option that gives the changes; it begins messages.
 
     Raises:
-        Mistake: A path goes through a value that is not a table, has more than 20 names, or ends
-            in a list without such an item.
+        Mistake: A path goes through a value that is not a table, has more than 20 names, or ends in
+            a list without such an item.
     """
     changed = copied(table)
     for key, value in settings.items():
@@ -209,8 +218,12 @@ def with_settings(table: Table, settings: Table, place: str) -> Table:
 
 
 def drop(table: Table, path: str) -> None:
-    """Remove a setting such as "run.latency" from a scenario's table, in place, and also its
-    distribution in [vary].
+    """Remove a setting such as "run.latency", if it is there, from a scenario's table, in place,
+    and also its random distribution in the table [vary].
+
+    Args:
+        table: The scenario's table.
+        path: The setting: the name of a table and a name in it.
     """
     section, name = names_of(path)
     at = table.get(section)
@@ -249,7 +262,8 @@ def _value(text: str) -> object:
 
 
 def plain(value: object) -> object:
-    """Convert a value of Python or NumPy to the types of TOML; a value of another type is returned
+    """Convert a value of Python or NumPy to the types of TOML: arrays and tuples become lists,
+    paths become texts, also inside dictionaries and lists. A value of another type is returned
     unchanged.
 
     Texts become `Trusted`: the user wrote them on the command line or in Python, so they may name

@@ -1,3 +1,3 @@
-"""Package that computes the view of the target (its moments, corners, plane and pose in the camera
-frame) from a tracker's estimate.
+"""Conversion of a tracker's estimate, which is in pixels, to the target as a control law needs it:
+its moments, corners, plane and pose in the camera frame (`Sight`).
 """

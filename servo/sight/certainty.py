@@ -1,4 +1,4 @@
-"""Test whether a tracker states its estimate with small enough variances for servoing."""
+"""Test whether the variances that a tracker states are small enough for servoing."""
 
 import numpy as np
 
@@ -15,10 +15,15 @@ MOST_SIZE = 0.25
 
 
 def certain(estimate: Estimate, region: Region) -> tuple[bool, bool, bool]:
-    """Return three flags, whether centre, angle and size of an estimate are certain enough for
-    servoing. Their standard deviations must be at most half the target's size in the first picture
-    (the root of the area of `region`), 20 degrees, and 0.25 of ln scale. A variance of nan, not
-    stated by the tracker, counts as certain; so do all three if the tracker reports corners.
+    """Return three flags: whether centre, angle and size of a tracker's estimate are certain enough
+    for servoing. The standard deviation of each coordinate of the centre must be at most half the
+    root of the region's area, that of the angle 20 degrees, and that of ln scale 0.25. A variance
+    of nan, not stated by the tracker, counts as certain. All three are True if the tracker reports
+    corners.
+
+    Args:
+        estimate: The estimate.
+        region: Width and height of the target's rectangle in the first picture [px].
     """
     if estimate.corners is not None:
         return True, True, True

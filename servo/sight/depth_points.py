@@ -1,4 +1,4 @@
-"""Distance and plane of the target from the pixels of a depth picture that are inside the
+"""Depth and plane of the target, computed from the pixels of a depth picture that are inside the
 target.
 """
 
@@ -27,7 +27,8 @@ FAR_OUT = 10_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DepthPoints:
-    """Points of the target in a depth picture: normalised image coordinates and inverse depths.
+    """The n pixels of a depth picture that are inside the target: their normalised image
+    coordinates (x, y, 1) (n, 3) and their inverse depths (n,) [1/m].
 
     Inverse depths of a plane are linear in the image coordinates. Their noise does not depend on
     the distance if the noise of the depths grows with its square.
@@ -44,7 +45,7 @@ class DepthPoints:
         None if they are fewer than 20.
 
         Args:
-            corners: Corners of the target (4, 2) [px].
+            corners: Corners of the quadrilateral, the target's (4, 2) [px], which must be convex.
             depth: Depth picture (H, W) [m], with nan or 0 for pixels without a depth.
             camera: Intrinsics of the depth picture.
         """
@@ -59,10 +60,10 @@ class DepthPoints:
 
     @property
     def normal(self) -> Array:
-        """Vector (A, B, C) [1/m] of the plane 1/Z = A x + B y + C through the points, in the camera
-        frame, by least squares. Outliers are left out: points far from the plane with the least
-        median residual (Rousseeuw 1984, Least median of squares regression, Journal of the American
-        Statistical Association 79).
+        """Vector (A, B, C) [1/m] of the plane 1/Z = A x + B y + C in the camera frame that fits the
+        points best, by least squares without outliers. Outliers are points far from the plane with
+        the least median residual (Rousseeuw 1984, Least median of squares regression, Journal of
+        the American Statistical Association 79).
         """
         draws = np.random.default_rng(0)  # the same points give the same plane
         drawn = draws.integers(0, len(self.near), (TRIPLES, 3))
@@ -75,8 +76,11 @@ class DepthPoints:
         return np.asarray(np.linalg.lstsq(self.rays[kept], self.near[kept])[0], np.float64)
 
     def plane(self, normal: Array) -> Plane:
-        """Return the plane with a given normal (3,), of any length, in the camera frame. At the
-        median of the points' image coordinates, it has the median of their inverse depths.
+        """Return the plane in the camera frame that has a given normal, and at the median of the
+        points' image coordinates the median of their inverse depths.
+
+        Args:
+            normal: Vector (3,) along the plane's normal in the camera frame, of any length.
         """
         middle = np.median(self.rays, axis=0)
         return Plane(*(normal * np.median(self.near) / (normal @ middle)).tolist())

@@ -1,5 +1,5 @@
-"""Change of the feature error that the camera's own motion does not explain (Teuliere, Marchand,
-Eck, equation 18).
+"""Rate of the feature error that the camera's own motion does not explain (Teuliere, Marchand, Eck,
+equation 18).
 """
 
 from typing import final
@@ -13,8 +13,9 @@ from sim.types import Array
 
 @final
 class Difference:
-    """Measures de/dt of the target's own motion by differences: (e_k - e_{k-1}) / dt - L v, where v
-    is the camera twist measured over the same interval.
+    """Measures the rate de/dt (k,) of the feature error that the target's own motion causes, as the
+    difference (e_k - e_{k-1}) / dt - L v of the errors in successive pictures, where v is the
+    camera twist measured over the same interval.
 
     With the last command in place of the measured twist, which is one frame off, the loop diverges.
     """
@@ -25,14 +26,16 @@ class Difference:
         self.value = np.zeros(len(features.names))
 
     def measure(self, error: Array, own: Array, dt: float) -> tuple[Array, NDArray[np.bool_]]:
-        """Return de/dt (k,) of the target's own motion after a picture, and True (k,) for each
-        feature that was measured in this picture and in that of the previous call; de/dt of the
-        other features keeps its last value, at first zero.
+        """Return the rate de/dt (k,) [1/s] of the feature error that the target's own motion caused
+        since the previous call, and True (k,) for each feature that was measured both now and then.
+        For the other features the rate keeps its last value, at first zero. Call it for each
+        picture in which the target is seen.
 
         Args:
-            error: Feature error (k,); nan for features that were not measured.
-            own: de/dt (k,) caused by the camera's own motion, L v [1/s].
-            dt: Time since the last picture [s].
+            error: Feature error (k,), divided by the features' scales; nan for features that were
+                not measured.
+            own: The part of de/dt (k,) that the camera's own motion caused, L v [1/s].
+            dt: Time since the previous picture [s].
         """
         fresh = np.isfinite(error) & np.isfinite(self._last)
         now, last = (np.where(fresh, e, 0.0) for e in (error, self._last))
@@ -41,7 +44,7 @@ class Difference:
         return self.value, fresh
 
     def forget(self) -> None:
-        """Forget the last error, so that the next difference needs two pictures. To be called after
-        a frame in which the target is not seen.
+        """Discard the stored error, so that the next rate needs two more pictures. Call it after a
+        frame in which the target is not seen.
         """
         self._last = np.full(len(self._features.names), np.nan)

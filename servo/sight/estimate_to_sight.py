@@ -1,5 +1,5 @@
-"""Conversion of a tracker's estimate to the view of the target: its moments, corners, plane and
-pose in the camera frame.
+"""Conversion of a tracker's estimate to the target as a control law needs it (`Sight`): its
+moments, corners, plane and pose in the camera frame.
 """
 
 from dataclasses import dataclass, replace
@@ -45,8 +45,8 @@ class SightConfig:
 
     @property
     def needs(self) -> Channels:
-        """Channels of data that are needed: depth pictures if plane or depth are taken from them,
-        otherwise none.
+        """Kinds of additional data (channels) that these settings need: depth pictures if plane or
+        depth is taken from them, otherwise none.
         """
         uses = "picture" in (self.plane, self.depth)
         return frozenset({Channel.DEPTH}) if uses else frozenset()
@@ -54,9 +54,10 @@ class SightConfig:
 
 @final
 class EstimateToSight:
-    """Converts a tracker's estimates, and goals, to views of the target, with the camera's
-    intrinsics and the target's metric size; computes also how a motion of the camera moves the
-    target in the picture.
+    """Converts tracker estimates and goals, which are in pixels, to moments and corners in
+    normalised image coordinates, and plane and pose in the camera frame (`Sight`), by the camera's
+    intrinsics and the target's metric size. It also computes how a camera motion moves the target
+    in the picture.
     """
 
     def __init__(
@@ -95,19 +96,20 @@ class EstimateToSight:
         goal: Sight | None = None,
         depth: DepthPicture | None = None,
     ) -> Sight | None:
-        """Return the view of the target (a `Sight`) from an estimate; None if the tracker does not
-        see the target, its centre is too uncertain, or the reported corners are not the picture of
-        a rectangle of the target's size. An angle or a size that the tracker does not follow, or
-        states too uncertainly, is marked as not measured.
+        """Return the target as an estimate shows it: moments and corners in normalised image
+        coordinates, and plane and pose in the camera frame. An angle or a size that the tracker
+        does not follow, or states too uncertainly, is marked as not measured. The result is None if
+        the tracker does not see the target, its centre is too uncertain, or its corners are not the
+        picture of a rectangle of the target's size.
 
         Args:
-            estimate: The tracker's estimate. If it has corners, plane and pose are computed from
-                them.
+            estimate: The tracker's estimate [px, rad]. If it has corners, plane and pose are
+                computed from them.
             posture: Pose, twist and joints of the robot when the picture was taken.
             goal: The desired view of the target, which is stored in the result.
             depth: Depth picture (H, W) [m]; used only if the settings take plane or depth from it.
-                With too few depths of the target, its depth is computed from its size, and its
-                plane is taken as parallel to the image.
+                If fewer than 20 pixels of the target have a depth, the target's size gives its
+                depth instead, and the plane is taken as parallel to the image instead.
         """
         is_placed, is_turned, is_sized = certain(estimate, self._region)
         if estimate.status is not Status.LOCKED or not is_placed:
@@ -134,12 +136,13 @@ class EstimateToSight:
         return self._with_depth_factor(sight)
 
     def goal(self, state: State, region: Region) -> Sight:
-        """Return the desired view of a target that the camera faces, as a tracker of rectangles
-        would report it.
+        """Return the desired view of a target whose plane is parallel to the image, with moments
+        and corners (in normalised image coordinates) of a rectangle in the picture, as a tracker of
+        rectangles would report it.
 
         Args:
             state: Position [px], angle [rad] and scale of the target at the goal.
-            region: The target's rectangle at scale 1 [px].
+            region: Width and height of the target's rectangle at scale 1 [px].
         """
         m = shape_moments.of_state(state, region, self._camera)
         corners = self._camera.normalise(region.corners(state))
@@ -147,8 +150,12 @@ class EstimateToSight:
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=corners))
 
     def goal_of(self, corners: Array) -> Sight:
-        """Return the desired view of a target that the camera faces, from its corners (4, 2) [px]
-        at the goal, in the order of the outline.
+        """Return the desired view of a target whose plane is parallel to the image, from its
+        corners at the goal.
+
+        Args:
+            corners: Corners (4, 2) [px] in the order rear left, front left, front right, rear
+                right.
         """
         seen = self._camera.normalise(corners)
         m = shape_moments.of_polygon(seen)
@@ -156,21 +163,25 @@ class EstimateToSight:
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=seen))
 
     def tilted_goal(self, corners: Array, about: Pose) -> Sight:
-        """Return the desired view of a target that is seen from the side.
+        """Return the desired view of a target that is seen from the side: that of the pose in the
+        camera frame which fits its corners at the goal best.
 
         Args:
-            corners: Corners (4, 2) of the target at the goal [px], in the order of the outline.
-            about: The target's pose at the goal for the camera that sees these corners; the
-                result's pose fits them for this converter's camera.
+            corners: Corners (4, 2) of the target at the goal [px], in the order rear left, front
+                left, front right, rear right.
+            about: Pose T_camera_object from which the fit starts: that at the goal for the camera
+                that sees these corners, which may differ from this converter's camera.
         """
         sides = Outline(self._outline)
         size = sides.length, sides.width
         return self.at(refined(about, self._camera.normalise(corners), size))
 
     def at(self, pose: Pose) -> Sight:
-        """Return the desired view of the target at a desired pose in the camera frame,
-        T_camera_object [m]: origin in the centre of its rectangle, x along its nose, z along the
-        rectangle's normal, away from the camera.
+        """Return the desired view of a target (moments, corners, plane) at a desired pose.
+
+        Args:
+            pose: Pose T_camera_object in the camera frame [m]: origin in the centre of the target's
+                rectangle, x along its nose, z along the rectangle's normal, away from the camera.
         """
         return self._with_depth_factor(sight_of(pose, self._outline))
 
@@ -205,12 +216,17 @@ class EstimateToSight:
         return replace(sight, plane=self._scaled(sight.plane), measured_pose=sight.pose)
 
     def ego(self, state: State, twist: Array, dt: float) -> Array:
-        """Return the apparent motion (4,) in the picture of a target at rest, caused by a camera
-        twist (6,) in the camera frame [m/s, rad/s] that lasts dt [s]: changes of x, y [px], theta
-        [rad] and ln scale.
+        """Return how a camera motion moves a target at rest in the picture: the changes (4,) of its
+        x, y [px], angle [rad] and ln scale.
 
         It is computed from two points of the target's plane, the centre and the middle of the
-        rectangle's front side; without a view of the target so far it is zero.
+        rectangle's front side. The plane is that of the last `see`; before the first one the result
+        is zero.
+
+        Args:
+            state: Position [px], angle [rad] and scale of the target before the motion.
+            twist: Camera twist (6,) in the camera frame [m/s, rad/s].
+            dt: Duration of the motion [s].
         """
         if self._plane is None:
             return np.zeros(4)

@@ -1,4 +1,6 @@
-"""Exact view of a rectangle (moments, corners, plane, pose) from its pose in the camera frame."""
+"""Exact moments, corners and plane of a rectangle as a camera sees it, computed from its pose in
+the camera frame.
+"""
 
 from servo.sight import shape_moments
 from servo.types import Plane, Sight
@@ -7,8 +9,7 @@ from sim.types import Array, Pose
 
 
 def corners_in(T_camera_object: Pose, outline: Array) -> Array:
-    """Return the corners (4, 3) of a rectangle in the camera frame [m], in the order of the
-    outline.
+    """Return the corners (4, 3) of a rectangle in the camera frame [m], in the order of `outline`.
 
     Args:
         T_camera_object: Pose of the rectangle in the camera frame [m]: origin in its centre, x
@@ -19,16 +20,19 @@ def corners_in(T_camera_object: Pose, outline: Array) -> Array:
 
 
 def plane_in(T_camera_object: Pose) -> Plane:
-    """Return the plane of a rectangle in the camera frame, 1/Z = A x + B y + C with A, B, C in 1/m:
-    the plane z = 0 of the object's frame, whose pose in the camera frame is given.
+    """Return the plane of a rectangle in the camera frame: 1/Z = A x + B y + C with A, B, C in 1/m,
+    and x, y in normalised image coordinates.
+
+    Args:
+        T_camera_object: Pose of the rectangle in the camera frame [m]; the rectangle lies in z = 0.
     """
     normal = T_camera_object.rotation[:, 2]
     return Plane(*(normal / (normal @ T_camera_object.translation)).tolist())
 
 
 def sight_of(T_camera_object: Pose, outline: Array, goal: Sight | None = None) -> Sight:
-    """Return the exact view of a rectangle: moments, corners, plane and pose, with the tilt marked
-    as measured.
+    """Return the exact view of a rectangle: moments and corners in normalised image coordinates,
+    and plane and pose in the camera frame; angle, size and tilt are marked as measured.
 
     Args:
         T_camera_object: Pose of the rectangle in the camera frame [m]: origin in its centre, x

@@ -49,19 +49,25 @@ LEAST_CORRELATION = 0.5
 
 
 class Alignment(Protocol):
-    """Finds the homography from a goal's picture to other pictures."""
+    """Finds the homography from the picture that was taken at the goal to each further picture of
+    the same camera.
+    """
 
     def find(self, picture: Image) -> Array | None:
-        """Return the homography (3, 3) from the goal's picture to an RGB picture (H, W, 3), in
-        normalised image coordinates of a lens without distortion; None if it is not found.
+        """Return the homography (3, 3) from the picture at the goal to another picture, in
+        normalised image coordinates of a lens without distortion; None if none is found. It is
+        called once for each picture, in order.
+
+        Args:
+            picture: The other picture, RGB (H, W, 3) of uint8.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Points:
-    """Points of a picture: their pixels (n, 2), from the middle of the first pixel as OpenCV counts
-    them, and their descriptors (n, k).
+    """The n points of interest of a picture: their coordinates (n, 2) [px], measured from the
+    centre of the top left pixel as in OpenCV, and their descriptors (n, m).
     """
 
     pixels: Array
@@ -69,15 +75,24 @@ class Points:
 
 
 def matrix_of(camera: Camera, size: float = 1.0) -> Array:
-    """Return the matrix (3, 3) of a camera's intrinsics for OpenCV's pixels, which start at the
-    middle of the first pixel; `size` is the factor on the picture's size.
+    """Return the matrix (3, 3) of a camera's intrinsics for OpenCV's pixel coordinates, which are
+    measured from the centre of the top left pixel. Lens distortion is left out.
+
+    Args:
+        camera: The intrinsics.
+        size: Factor by which the picture is resized, such as 0.5.
     """
     u, v = size * camera.cx - 0.5, size * camera.cy - 0.5
     return np.array([[size * camera.fx, 0.0, u], [0.0, size * camera.fy, v], [0.0, 0.0, 1.0]])
 
 
 def alignment(method: Method, goal: CameraImage) -> Alignment:
-    """Return the alignment by a method to a goal's picture."""
+    """Return an object that finds homographies from the picture at the goal to other pictures.
+
+    Args:
+        method: "orb", "sift" or "affine_sift" (from matched points), or "ecc" (from all pixels).
+        goal: The picture at the goal, with its camera.
+    """
     match method:
         case "ecc":
             return ByPixels(goal)
@@ -95,7 +110,9 @@ def _sift() -> cv2.Feature2D:
 
 
 class ByPoints:
-    """Alignment by points that are matched between both pictures."""
+    """Finds homographies from the picture at the goal to other pictures of the same camera, by
+    matching points of interest such as SIFT's.
+    """
 
     def __init__(
         self, detector: cv2.Feature2D, norm: int, goal: CameraImage, *, strong: bool = False
@@ -128,8 +145,12 @@ class ByPoints:
         """Homography of the picture before [px]; None if it was not found."""
 
     def find(self, picture: Image) -> Array | None:
-        """Return the homography (3, 3) from the goal's picture to an RGB picture (H, W, 3), in
-        normalised image coordinates; None if fewer than `FEWEST` matches fit one.
+        """Return the homography (3, 3) from the picture at the goal to another picture, in
+        normalised image coordinates of a lens without distortion; None if fewer than 10 matched
+        points fit one.
+
+        Args:
+            picture: The other picture, RGB (H, W, 3) of uint8.
         """
         seen = self._points(self._grey(picture), np.eye(3))
         found = None
@@ -212,7 +233,10 @@ def _seen_aside(grey: Image, tilt: float, turn: float) -> tuple[MatLike, Array]:
 
 
 class ByPixels:
-    """Alignment of all pixels, from the homography of the picture before, at first the identity."""
+    """Finds homographies from the picture at the goal to successive pictures of the same camera, by
+    maximising the correlation of all pixels (ECC). Each search starts from the last homography that
+    was found, the first one from the identity.
+    """
 
     def __init__(self, goal: CameraImage) -> None:
         """Store the goal's picture, halved; other pictures are from the same camera."""
@@ -221,8 +245,12 @@ class ByPixels:
         self._before = np.eye(3, dtype=np.float32)
 
     def find(self, picture: Image) -> Array | None:
-        """Return the homography (3, 3) from the goal's picture to an RGB picture (H, W, 3), in
-        normalised image coordinates; None if both pictures do not correlate.
+        """Return the homography (3, 3) from the picture at the goal to another picture, in
+        normalised image coordinates of a lens without distortion; None if the search does not
+        converge, or the pictures correlate by less than 0.5.
+
+        Args:
+            picture: The other picture, RGB (H, W, 3) of uint8.
         """
         end = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, STEPS, LEAST_GAIN)
         try:

@@ -1,5 +1,5 @@
-"""Pose of a flat rectangle from its four corners in each picture; earlier pictures decide between
-the two poses that fit.
+"""Pose of a flat rectangle from its four corners in each of successive pictures; earlier pictures
+decide between the two poses that fit the corners.
 
 A small or distant plane looks nearly the same where it is tilted to the other side of the line of
 sight (Schweighofer, Pinz 2006, "Robust Pose Estimation from a Planar Target", IEEE Transactions on
@@ -30,11 +30,12 @@ UNIT = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.
 
 @final
 class CornersToPose:
-    """Computes the pose of a rectangle in each of successive pictures.
+    """Computes the pose of a rectangle from its four corners in each of successive pictures. `size`
+    is the rectangle's length along x and its width along y [m].
 
-    Each picture has two possible poses. Each of them continues the path through the earlier poses
-    that costs less (Viterbi's algorithm), so a pose that was chosen wrongly at first is corrected
-    later.
+    In each picture two poses fit the corners. Each of them continues the path through the earlier
+    poses that costs less (Viterbi's algorithm), so a pose that was chosen wrongly at first is
+    corrected later.
     """
 
     def __init__(self, size: tuple[float, float]) -> None:
@@ -43,19 +44,19 @@ class CornersToPose:
         self._paths: list[tuple[Pose, float]] = []
 
     def of(self, corners: Array, T_base_camera: Pose) -> Pose | None:
-        """Return the pose T_camera_object of a target that moves little between pictures, while the
-        camera may move; None if the corners are not those of a rectangle that is seen from its
-        front. Earlier calls help to decide between the two poses that fit, so it is to be called
-        for each picture in turn.
+        """Return the pose T_camera_object [m] of the rectangle in the camera frame; None if no
+        rectangle that is seen from above has these corners. Call it for each picture, in order: the
+        earlier poses help to decide between the two that fit the corners. For that the target
+        should move little between pictures; the camera may move.
 
-        The object's origin is in the middle of the rectangle; x goes along the target's nose, y to
+        The object's origin is in the centre of the rectangle; x goes along the target's nose, y to
         the right of the nose as seen from above, z into the table. The rotation is the identity if
         the camera faces the target and its nose points to the right.
 
         Args:
             corners: Corners (4, 2) in normalised image coordinates, in the order rear left, front
-                left, front right, rear right: the nose is in front, and the target is seen from
-                above.
+                left, front right, rear right, where the nose is in front and the target is seen
+                from above.
             T_base_camera: Pose of the camera in the robot's base frame when the picture was taken.
         """
         found = _candidates(corners, self._size)
@@ -127,13 +128,14 @@ def _prior_cost(pose: Pose, expected: Pose | None) -> float:
 
 
 def refined(pose: Pose, corners: Array, size: tuple[float, float]) -> Pose:
-    """Return the pose T_camera_object, found by iteration from the given one, that fits the corners
-    of a rectangle best (Levenberg, Marquardt).
+    """Return the pose T_camera_object [m] that fits the corners of a rectangle best, found by
+    Levenberg-Marquardt iteration.
 
     Args:
-        pose: Pose from which the iteration starts.
-        corners: Corners (4, 2) in normalised image coordinates, in the order of `CornersToPose.of`.
-        size: Length and width of the rectangle [m].
+        pose: Pose T_camera_object from which the iteration starts.
+        corners: Corners (4, 2) in normalised image coordinates, in the order rear left, front left,
+            front right, rear right.
+        size: Length along x and width along y of the rectangle [m].
     """
     vector, t = cv2.solvePnPRefineLM(
         UNIT * (*size, 0.0),

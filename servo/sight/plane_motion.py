@@ -1,4 +1,4 @@
-"""Camera motion between two pictures of a plane, from their homography."""
+"""Camera motion between two pictures of a plane, computed from the homography between them."""
 
 from collections.abc import Sequence
 from typing import final
@@ -20,8 +20,9 @@ homography H ~ R + t n^T. n is in the first camera's frame, and points away from
 
 @final
 class PlaneMotion:
-    """Decomposes the homographies from one picture of a plane to others. Each has two solutions:
-    the normal of the true one is the same in each picture, that of the other one changes.
+    """Computes camera motions from the homographies between one picture of a plane and successive
+    others. Two motions explain each homography; the plane's normal in the first picture is the same
+    in all true ones, and this decides between them.
     """
 
     def __init__(self) -> None:
@@ -30,8 +31,14 @@ class PlaneMotion:
         picture decides by the smallest tilt of the plane."""
 
     def of(self, H: Array) -> Motion | None:
-        """Return the motion that explains a homography (3, 3) in normalised image coordinates; None
-        if the plane would be behind a camera.
+        """Return the motion (R, t, n) that explains a homography H ~ R + t n^T: rotation (3, 3),
+        translation over the plane's distance (3,), and the plane's unit normal (3,) in the first
+        camera's frame, away from the camera. The result is None if the plane would be behind a
+        camera. Call it for each picture, in order.
+
+        Args:
+            H: Homography (3, 3) from the first picture to another one, in normalised image
+                coordinates, of any scale.
         """
         scaled = H / np.linalg.svd(H, compute_uv=False)[1] * np.sign(np.linalg.det(H))
         if np.linalg.norm(scaled - np.eye(3), 2) < SMALL:

@@ -1,5 +1,5 @@
-"""Plane of the target in the camera frame: from its metric size, its depth or its height over the
-table, or fitted to its positions so far.
+"""Plane of the target in the camera frame: computed from its metric size, its depth or its height,
+or fitted to its positions so far.
 """
 
 from math import sqrt
@@ -21,11 +21,11 @@ DEPTH_SD = 0.02
 
 
 def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
-    """Return the plane n . P = 1 in the camera frame, for its points P [m], in which a target of
-    known area has the area and centroid of `m`.
+    """Return the plane with a given normal in the camera frame in which a target of known metric
+    area has the image area and centroid of `m`.
 
-    A small piece of the plane with the metric area S has the image area a = S (n . r)^3 / |n| with
-    r = (xg, yg, 1): this gives |n| [1/m], and with it the depth.
+    A small piece of the plane n . P = 1 with the metric area S has the image area a = S (n . r)^3 /
+    |n| with r = (xg, yg, 1): this gives |n| [1/m], and with it the depth.
 
     Args:
         m: Moments of the target in normalised image coordinates.
@@ -39,8 +39,13 @@ def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
 
 
 def plane_of_depth(m: Moments, depth: float, normal: Array) -> Plane:
-    """Return the plane in the camera frame with a normal (3,), of any length, and a depth [m] at
-    the target's centroid.
+    """Return the plane in the camera frame that has a given normal, and a given depth at the
+    target's centroid.
+
+    Args:
+        m: Moments of the target in normalised image coordinates; only the centroid is used.
+        depth: Depth Z of the plane at the centroid [m].
+        normal: Vector (3,) along the plane's normal in the camera frame, of any length.
     """
     A, B, C = normal.tolist()
     along = depth * (A * m.xg + B * m.yg + C)
@@ -48,8 +53,11 @@ def plane_of_depth(m: Moments, depth: float, normal: Array) -> Plane:
 
 
 def level_plane(T_base_camera: Pose, height: float) -> Plane:
-    """Return the horizontal plane at a height [m] over the origin of the robot's base frame, in the
-    camera frame.
+    """Return a horizontal plane in the camera frame.
+
+    Args:
+        T_base_camera: Pose of the camera in the robot's base frame, whose z is up.
+        height: Height z of the plane in the base frame [m].
     """
     up = T_base_camera.rotation[2]
     return Plane(*(up / (height - T_base_camera.translation[2])).tolist())
@@ -57,8 +65,8 @@ def level_plane(T_base_camera: Pose, height: float) -> Plane:
 
 @final
 class PlaneFit:
-    """Fits a plane to the target's positions by least squares, with the prior that the camera faces
-    the plane at the start.
+    """Fits a plane to the positions of the target so far (`add`) by least squares, with the prior
+    that the camera faces the plane at the start.
 
     Of all unit normals m it takes the one that minimises
 
@@ -76,11 +84,12 @@ class PlaneFit:
         self._prior: Array | None = None
 
     def normal(self, T_base_camera: Pose) -> Array:
-        """Return the unit normal (3,) of the fitted plane in the camera frame, pointing away from
-        the camera. The first call stores the optical axis m0 at the start.
+        """Return the unit normal (3,) of the fitted plane in the present camera frame, pointing
+        away from the camera; before any `add` it is the optical axis. The first call also stores
+        the optical axis as the prior of the normal.
 
         Args:
-            T_base_camera: Pose of the camera in the robot's base frame.
+            T_base_camera: Present pose of the camera in the robot's base frame.
         """
         if self._prior is None:
             self._prior = T_base_camera.rotation[:, 2].copy()
@@ -91,11 +100,11 @@ class PlaneFit:
         return seen if seen[2] > 0 else -seen
 
     def add(self, T_base_camera: Pose, point: Array) -> None:
-        """Add a position (3,) of the target, given in the camera frame [m].
+        """Add a position of the target to those to which the plane is fitted.
 
         Args:
             T_base_camera: Pose of the camera in the robot's base frame at that time.
-            point: Position (3,) of the target.
+            point: Position (3,) of the target in the camera frame [m].
         """
         P = T_base_camera.apply(point)
         self._count += 1

@@ -1,4 +1,4 @@
-"""Interaction matrices of image points, and of the target's corners."""
+"""Interaction matrices of the coordinates of image points, and of the target's corners."""
 
 import numpy as np
 
@@ -7,17 +7,17 @@ from sim.types import Array
 
 
 def point_rows(x: Array, y: Array, near: Array) -> tuple[Array, Array]:
-    """Return the interaction matrices (n, 6) of x and of y, for points (n,) in normalised image
-    coordinates: each row times a camera twist in the camera frame [m/s, rad/s] is dx/dt or dy/dt of
-    a point at rest.
+    """Return two interaction matrices (n, 6), that of the x and that of the y coordinates of n
+    image points: each row times a camera twist in the camera frame [m/s, rad/s] is dx/dt or dy/dt
+    [1/s] of a point at rest.
 
-    Chaumette and Hutchinson 2006 (Visual servo control, part I: basic approaches, IEEE Robotics
-    and Automation Magazine 13), equation 11.
+    Chaumette and Hutchinson 2006 (Visual servo control, part I: basic approaches, IEEE Robotics and
+    Automation Magazine 13), equation 11.
 
     Args:
-        x: Coordinates to the right (n,).
-        y: Coordinates down (n,).
-        near: Inverse depths 1/Z [1/m].
+        x: Normalised image coordinates X/Z, to the right (n,).
+        y: Normalised image coordinates Y/Z, down (n,).
+        near: Inverse depths 1/Z (n,) [1/m].
     """
     none = np.zeros_like(x)
     along_x = -near, none, x * near, x * y, -(1 + x * x), y
@@ -26,16 +26,20 @@ def point_rows(x: Array, y: Array, near: Array) -> tuple[Array, Array]:
 
 
 def corner_rows(sight: Sight) -> tuple[Array, Array]:
-    """Return the interaction matrices (4, 6) of x and of y of the target's corners in normalised
-    image coordinates, each corner with its depth in the target's plane.
+    """Return two interaction matrices (4, 6), that of the x and that of the y coordinates of the
+    target's corners in normalised image coordinates; each corner has its own depth in the target's
+    plane.
+
+    Raises:
+        ValueError: `sight` has no corners.
     """
     (x, y) = corners_of(sight).T
     return point_rows(x, y, 1 / sight.points[:, 2])
 
 
 def corners_of(sight: Sight) -> Array:
-    """Return the target's corners (4, 2) in normalised image coordinates, in the order of the
-    outline.
+    """Return the target's corners (4, 2) in normalised image coordinates, in the order rear left,
+    front left, front right, rear right.
 
     Raises:
         ValueError: `sight` has no corners.

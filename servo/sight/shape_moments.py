@@ -1,4 +1,6 @@
-"""Exact image moments of polygons and rectangles, and of the rectangle that a tracker reports."""
+"""Exact image moments of polygons, of rotated rectangles, and of the rectangle that a tracker
+reports.
+"""
 
 from math import cos, sin
 
@@ -14,8 +16,12 @@ WEIGHTS = np.array([-27.0, 25.0, 25.0, 25.0]) / 48
 
 
 def of_polygon(polygon: Array) -> Moments:
-    """Return area, centroid and central moments up to third order of a simple polygon (n, 2) in
-    normalised image coordinates, clockwise or counterclockwise.
+    """Return area, centroid and central moments up to third order of a filled polygon, in
+    normalised image coordinates.
+
+    Args:
+        polygon: Corners (n, 2) in normalised image coordinates, clockwise or counterclockwise; the
+            sides must not cross.
     """
     # Relative to the centroid, so that central moments do not lose digits.
     middle = polygon.mean(axis=0)
@@ -40,15 +46,16 @@ def of_rectangle(
     x: float, y: float, width: float, height: float, theta: float, stretch: tuple[float, float]
 ) -> Moments:
     """Return area, centroid and central moments of a rotated rectangle that is then stretched along
-    the image's axes.
+    the image's axes, such as one in pixels that is converted to normalised image coordinates.
 
     Args:
         x: Centre after stretching, to the right, in normalised image coordinates.
         y: Centre after stretching, down, in normalised image coordinates.
         width: Length of the rectangle along its own x axis, before stretching.
         height: Length of the rectangle along its own y axis, before stretching.
-        theta: Rotation from +x (right) towards +y (down) [rad].
-        stretch: Factors along x and y, such as 1 / fx and 1 / fy for a rectangle in pixels.
+        theta: Rotation from +x (right) towards +y (down), before stretching [rad].
+        stretch: Factors along the image's x and y axes, such as 1 / fx and 1 / fy for a rectangle
+            in pixels.
     """
     c = cos(theta)
     s = sin(theta)
@@ -71,16 +78,25 @@ def of_rectangle(
 
 
 def of_corners(corners: Array, camera: Camera) -> Moments:
-    """Return area, centroid and central moments, in normalised image coordinates, of a polygon with
-    corners (n, 2) [px].
+    """Return area, centroid and central moments, in normalised image coordinates, of a filled
+    polygon.
+
+    Args:
+        corners: Corners (n, 2) [px].
+        camera: Intrinsics, with the lens distortion that is removed.
     """
     return of_polygon(camera.normalise(corners))
 
 
 def of_state(state: State, region: Region, camera: Camera) -> Moments:
-    """Return area, centroid and central moments of the rectangle that a tracker reports, in
-    normalised image coordinates; with a lens that distorts, those of the quadrangle of its
-    undistorted corners.
+    """Return area, centroid and central moments, in normalised image coordinates, of the rectangle
+    that a tracker reports; for a lens that distorts, those of the quadrangle of its undistorted
+    corners.
+
+    Args:
+        state: Position [px], angle [rad] and scale of the rectangle.
+        region: Width and height of the rectangle at scale 1 [px].
+        camera: Intrinsics and lens distortion.
     """
     if camera.distortion is not None:
         return of_corners(region.corners(state), camera)

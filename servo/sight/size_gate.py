@@ -1,4 +1,5 @@
-"""Refusal of sizes that cannot be: those that change more than camera and target can have moved.
+"""Refusal of impossible sizes in a tracker's estimates: sizes that change more than camera and
+target can have moved.
 
 A tracker whose boxes shrink while its centre stays right would make the law believe that the camera
 is too far away, and drive it into the table. The camera's own motion towards the target is known,
@@ -27,8 +28,9 @@ WAIT = 1.0
 
 @final
 class SizeGate:
-    """Refuses sizes in a tracker's estimates that change more from picture to picture than camera
-    and target can have moved, and states a likely size instead.
+    """Finds sizes in a tracker's estimates that change more from picture to picture than camera and
+    target can have moved, and computes a likely size to use instead. `scale` is the scale of the
+    target in the first picture.
     """
 
     def __init__(self, scale: float) -> None:
@@ -40,13 +42,14 @@ class SizeGate:
         """Time for which a refused size has fitted again [s]; None while no size is refused."""
 
     def judged(self, estimate: Estimate, ego: float, interval: float) -> Estimate:
-        """Return the estimate; if its scale is refused, with the scale to use instead in
-        `likely_scale`. After a refusal, scales are refused until they have fitted for 1 s. To be
-        called once for each picture.
+        """Return the estimate unchanged if its scale is possible; otherwise a copy that has the
+        scale to use instead as `likely_scale`. After such a refusal all scales are refused until
+        they have been near the expected scale (within 0.2 of its logarithm) for 1 s. Call it once
+        for each picture, in order.
 
         Args:
             estimate: The tracker's estimate of this picture.
-            ego: Change of ln scale since the previous picture by the camera's own motion.
+            ego: Change of ln scale since the previous picture that the camera's own motion caused.
             interval: Time since the previous picture [s].
         """
         self._log += ego

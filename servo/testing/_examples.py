@@ -33,7 +33,7 @@ def film(
     Args:
         count: Number of frames.
         gone_after: Index of the first frame without the target; None: it stays in the picture.
-        picture: Appearance of the target (H, W, 3), BGR, shown 40 px wide; None: two colours.
+        picture: Appearance of the target (H, W, 3), RGB, shown 40 px wide; None: two colours.
     """
     rng = np.random.default_rng(3)
     ground = cv2.GaussianBlur(rng.integers(60, 140, (120, 160, 3)).astype(np.uint8), (0, 0), 2)

@@ -1,4 +1,4 @@
-"""Checks whether feature sets, estimators and controllers work as servobench needs them."""
+"""Checks whether feature sets, estimators and controllers work as servobench needs them to."""
 
 from dataclasses import replace
 from functools import partial
@@ -28,14 +28,15 @@ DT = 0.1
 
 @contract
 def check_features(features: object) -> None:
-    """Check that a feature set works as `servo.parts.FeatureSet` requires: features that repeat, no
-    error at the goal, and a right interaction matrix.
+    """Check that a feature set works as `servo.parts.FeatureSet` requires: the same values for the
+    same view of the target, no error at the goal, and a correct interaction matrix.
 
     The interaction matrix is compared with finite differences of the features, except for features
     that are computed from the picture's pixels.
 
     Args:
-        features: A `Config` (class or instance), the name of a kind, or "module:Name".
+        features: A settings class `Config` or its instance, the name of a shipped kind such as
+            "moments", or "module:Name".
 
     Example:
         >>> check_features("moments")
@@ -91,11 +92,12 @@ def _check_matrix(features: FeatureSet, target: Pose, *, pixels: bool) -> None:
 
 @contract
 def check_estimator(estimator: object) -> None:
-    """Check that an estimator works as `servo.parts.Estimator` requires: numbers of the right
-    shape, the same results for the same errors, and no memory of an earlier run.
+    """Check that an estimator works as `servo.parts.Estimator` requires: valid predictions, the
+    same ones for the same errors, and no memory of an earlier run.
 
     Args:
-        estimator: A `Config` (class or instance), the name of a kind, or "module:Name".
+        estimator: A settings class `Config` or its instance, the name of a shipped kind such as
+            "kalman_cv", or "module:Name".
 
     Example:
         >>> check_estimator("kalman_cv")
@@ -129,11 +131,12 @@ def _estimates(estimator: Estimator) -> Array:
 
 @contract
 def check_controller(controller: object) -> None:
-    """Check that a controller works as `servo.parts.Controller` requires: valid twists, the same
-    results for the same views of the target, and no memory of an earlier run.
+    """Check that a controller works as `servo.parts.Controller` requires: valid camera twists, the
+    same twists for the same views of the target, and no memory of an earlier run.
 
     Args:
-        controller: A `Config` (class or instance), the name of a kind, or "module:Name".
+        controller: A settings class `Config` or its instance, the name of a shipped kind such as
+            "ibvs", or "module:Name".
 
     Example:
         >>> check_controller("ibvs")

@@ -1,4 +1,4 @@
-"""Checks whether a tracker works as servobench needs it."""
+"""Checks whether a tracker works as servobench needs it to."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -48,15 +48,16 @@ class _Subject:
 
 @contract
 def check_tracker(tracker: object, picture: Image | None = None) -> None:
-    """Check that a tracker works as `tracking.types.Tracker` requires: valid estimates, the same
-    results for the same pictures, pictures that stay unchanged and are not kept, loss of a target
-    that is gone, no exceptions for unusual pictures, and a ValueError for an empty region.
+    """Check that a tracker works as `tracking.types.Tracker` requires: valid estimates; the same
+    states for the same pictures; pictures that it neither changes nor keeps; a status other than
+    LOCKED for a target that is gone; no exception for black, white or tiny pictures; and a
+    ValueError for an empty region.
 
     Args:
-        tracker: A `Config` (class or instance), the name of a kind, "module:Name", or a class that
-            `tracking.wrap` accepts.
-        picture: Appearance of the target (H, W, 3), BGR, for a tracker that follows only some kind
-            of target.
+        tracker: A settings class `Config` or its instance, the name of a shipped kind such as
+            "kams", "module:Name", or a class that `tracking.wrap` accepts.
+        picture: Appearance of the target, RGB (H, W, 3) of uint8, for a tracker that follows only
+            some kind of target; None: a target of two colours.
 
     Raises:
         BrokenContract: The tracker breaks its contract; the message says what to change.

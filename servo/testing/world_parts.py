@@ -1,4 +1,4 @@
-"""Checks whether robots, targets, motions and disturbances work as servobench needs them."""
+"""Checks whether robots, targets, motions and disturbances work as servobench needs them to."""
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
@@ -35,11 +35,12 @@ SHORTEST_SIDE = 1e-3
 @contract
 def check_motion(motion: object) -> None:
     """Check a motion of the target (`sim.stage.Motion`) at six times from -0.1 to 10 s: valid
-    poses, no jump of the position, and the same positions when it is built again with the same
-    random numbers.
+    poses, a position that changes by less than 0.01 m in a millisecond, and the same positions when
+    it is built again with the same random numbers.
 
     Args:
-        motion: A `Config` (class or instance), the name of a kind, or "module:Name".
+        motion: A settings class `Config` or its instance, the name of a shipped kind such as
+            "line", or "module:Name".
 
     Example:
         >>> check_motion("line")
@@ -62,11 +63,12 @@ def check_motion(motion: object) -> None:
 
 @contract
 def check_disturbance(disturbance: object) -> None:
-    """Check that a disturbance works as `sim.stage.Disturbance` requires: valid effects, and none
-    before time 0.
+    """Check that a disturbance works as `sim.stage.Disturbance` requires: valid effects at six
+    times from -0.1 to 10 s, and no effect before time 0.
 
     Args:
-        disturbance: A `Config` (class or instance), the name of a kind, or "module:Name".
+        disturbance: A settings class `Config` or its instance, the name of a shipped kind, or
+            "module:Name".
 
     Raises:
         BrokenContract: The disturbance breaks its contract; the message says what to change.
@@ -79,10 +81,12 @@ def check_disturbance(disturbance: object) -> None:
 @contract
 def check_robot(robot: object) -> None:
     """Check that a robot works as `sim.kinematics.robot.Design` requires: its model can be added to
-    the room, and its Jacobian agrees with finite differences of its camera pose, at each home.
+    the simulated room, and at each of its home positions its Jacobian agrees with finite
+    differences of its camera pose.
 
     Args:
-        robot: A `Config` (class or instance), the name of a kind, or "module:Name".
+        robot: A settings class `Config` or its instance, the name of a shipped kind, or
+            "module:Name".
 
     Raises:
         BrokenContract: The robot breaks its contract; the message says what to change.
@@ -125,11 +129,12 @@ def _check_jacobian(machine: Robot, data: Any, home: Array) -> None:
 @contract
 def check_target(target: object) -> None:
     """Check that a target works as `sim.models.target.Target` requires: its model can be added to
-    the room, is visible, moves as one rigid body, and has a valid reference rectangle with sides
-    from 1 mm to 2 m.
+    the simulated room, has visible geoms, moves as one rigid body, and has a reference rectangle
+    with the right order of corners and sides from 1 mm to 2 m.
 
     Args:
-        target: A `Config` (class or instance), the name of a kind, or "module:Name".
+        target: A settings class `Config` or its instance, the name of a shipped kind, or
+            "module:Name".
 
     Raises:
         BrokenContract: The target breaks its contract; the message says what to change.
