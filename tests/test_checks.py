@@ -21,6 +21,7 @@ EVERY = [(part, kind) for part, folder in FOLDERS.items() for kind in folder.nam
 ALONE = [
     *(("tracker", kind) for kind in ("opencv", "program", "tag", "trax", "truth")),
     ("controller", "onnx"),
+    ("controller", "program"),
 ]
 """Parts that need a file, a server or a certain picture; they have tests of their own."""
 

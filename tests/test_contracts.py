@@ -36,7 +36,8 @@ WITH_COVARIANCE = {
 }
 """Trackers with particles or a descent; the others have no covariance."""
 ESTIMATORS = estimators.KINDS.names()
-CONTROLLERS = [kind for kind in controllers.KINDS.names() if kind != "onnx"]  # needs a file
+OF_FILES = ("onnx", "program")  # they need a network or a program
+CONTROLLERS = [kind for kind in controllers.KINDS.names() if kind not in OF_FILES]
 FIRST = State(80.0, 60.0, 0.3, 1.0)
 STILL = posture_of(np.zeros(6))
 

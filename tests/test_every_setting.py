@@ -178,6 +178,7 @@ LEFT_OUT = {
         "a recording: test_recording_world",
     ),
     **dict.fromkeys(("controller.file", "controller.timeout"), "a network: test_onnx_policy"),
+    "controller.loading": "of a program: test_policy_program",
 }
 """Settings that other tests change."""
 

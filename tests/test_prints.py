@@ -90,7 +90,7 @@ def test_the_report_of_a_run_is_printed_so(console, approved):
         ),
         seconds=2.345,
     )
-    run_command._print_record(console, scenario, record)
+    run_command._print_record(console, scenario, record, all_measures=True)
     run_command.print_missed(console, record)
     job = Job(0, LoadedScenario(scenario), 4)
     kept = replace(record, missed=(), seconds=0.1)
@@ -183,7 +183,9 @@ def test_the_stages_of_a_step_are_told_as_medians(monkeypatch, tmp_path, capfd):
     seconds = 1e-3 * np.array([[1, 2, 3, 4], [2, 4, 6, 8], [9, 9, 9, 90]])
     monkeypatch.setattr(run_command, "timed", lambda run: seconds)
     short = ["run.duration=0.1", "tracker.kind=frozen", "expect={}"]
-    run_command.run_scenario("still", short, None, tmp_path / "o", quiet=False, rerun=False)
+    run_command.run_scenario(
+        "still", short, None, tmp_path / "o", quiet=False, rerun=False, all_measures=True
+    )
     said = " ".join(capfd.readouterr().out.split())
     stages = "render 2.00 track 4.00 control 6.00 physics 8.00"
     assert re.search(

@@ -40,6 +40,7 @@ def app() -> None:
 )
 @opt.out_option("runs/NAME-SEED")
 @opt.quiet_option
+@click.option("--all", "all_measures", is_flag=True, help="Print every measure.")
 @click.option("--no-rerun", is_flag=True, help="Write no Rerun recording.")
 @click.option(
     "--ros2",

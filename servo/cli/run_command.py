@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,7 +21,6 @@ from servo.cli.terminal import (
     WAITING,
     escape,
     plain,
-    print_paths,
     print_table,
     progress_bar,
     waiting,
@@ -36,7 +36,7 @@ from servo.loop.settings import DOES_NOT_REPEAT, Setup
 from servo.loop.step import DOF
 from servo.mistake import Refused
 from servo.output.formats import command_line
-from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
+from servo.output.run_folder import RECORDING, RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
@@ -62,6 +62,8 @@ HIDDEN = 0.1
 START_NEAR = 1e-3
 START_TURNED = radians(1.0)
 """Largest distance and angle from the start pose at which the robot counts as there [m, rad]."""
+TELLING = ("servo_rms_px", "servo_peak_px", "tracking_rms_px")
+"""Measures that are printed for a scenario without bounds."""
 
 
 def run(
@@ -74,12 +76,13 @@ def run(
     quiet: bool,
     no_rerun: bool,
     ros2: bool,
+    all_measures: bool,
     **shown: Any,
 ) -> int:
-    """Run one scenario, write its results into a folder, print a table of its measures, and return
-    the exit code: 1 if a bound was missed, else 0. `ros2`: whether a controller in ROS 2 moves the
-    camera; `shown`: the options for films, logs and viewers. The other arguments, with what None
-    means, and the exceptions are those of `run_scenario`.
+    """Run one scenario, write its results into a folder, print how it went, and return the exit
+    code: 1 if a bound was missed, else 0. `ros2`: whether a controller in ROS 2 moves the camera;
+    `shown`: the options for films, logs and viewers. The other arguments, with what None means,
+    and the exceptions are those of `run_scenario`.
     """
     outputs = Outputs(**shown)
     if ros2:
@@ -95,6 +98,7 @@ def run(
         controller=controller,
         quiet=quiet,
         rerun=not no_rerun,
+        all_measures=all_measures,
         outputs=outputs,
     )
 
@@ -109,9 +113,11 @@ def run_scenario(
     controller: str | None = None,
     quiet: bool,
     rerun: bool,
+    all_measures: bool = False,
     outputs: Outputs = NOTHING_MORE,
 ) -> int:
-    """Run one scenario, write its results into a folder, and print a table of its measures.
+    """Run one scenario, write its results into a folder, and print how it went, where the results
+    are, and what to do next.
 
     Args:
         name: A shipped scenario or a TOML file.
@@ -122,6 +128,7 @@ def run_scenario(
         controller: The control law as on the command line; None: the scenario's.
         quiet: Whether to print on stderr only: mistakes and missed bounds.
         rerun: Whether to write a Rerun recording.
+        all_measures: Whether to print every measure and the times of a step, too.
         outputs: Further files, viewers, and the connection to ROS 2.
 
     Returns:
@@ -163,11 +170,13 @@ def run_scenario(
             raise
     job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
     record = record_of(job, scenario, steps)
-    _print_record(console, scenario, record)
+    _print_record(console, scenario, record, all_measures=all_measures)
     doubt = remarks_on_tracker(steps, is_guest=isinstance(scenario.tracker, GuestSettings))
     plain(console, unjudged(scenario, record.success), doubt)
-    console.print(_stage_line(steps, writing))
-    print_paths(console, output.finish(RunReport.of(record, scenario, steps.first.scene, doubt)))
+    if all_measures:
+        console.print(_stage_line(steps, writing))
+    paths = output.finish(RunReport.of(record, scenario, steps.first.scene, doubt))
+    plain(console, *_where_and_next(folder, paths, all_measures=all_measures))
     print_missed(Console(stderr=True), record)
     linger(viewer, console)
     if output.refused is not None:
@@ -299,16 +308,16 @@ def _start_lines(episode: Episode) -> list[str]:
     return lines
 
 
-def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
+def _print_record(
+    console: Console, scenario: Scenario, record: Record, *, all_measures: bool
+) -> None:
     """Print how a run ended, its measures beside their bounds, and its drawn settings."""
     outcome = f"{record.outcome}. {Outcome[record.outcome].sentence([*record.limits, *record.off])}"
     console.print(f"[bold]{escape(scenario.name)}[/], seed {record.seed}: {outcome}")
-    rows: list[list[str]] = []
-    for name, measure in MEASURES.items():
-        bound = scenario.expect.get(name, "")
-        limit = f"{bound:g}" if isinstance(bound, int | float) else bound
-        rows.append([name, f"{record.measures[name]:.3g}", limit, measure.meaning])
-    print_table(console, Table(("measure", "value", "bound", "meaning"), rows, words=(0, 3)))
+    if all_measures:
+        print_table(console, _table_of(scenario, record))
+    else:
+        plain(console, _bounds_line(scenario, record))
     if scenario.drawn:
         values = ", ".join(f"{key} = {shown(value)}" for key, value in scenario.drawn.items())
         plain(console, f"drawn for seed {scenario.run.seed}: {values}")
@@ -316,6 +325,38 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
         plain(console, DOES_NOT_REPEAT)
     changed = scenario.rates_changed.items()
     plain(console, *(f"{key} = {hz:.6g} Hz was used, to fit camera.rate" for key, hz in changed))
+
+
+def _table_of(scenario: Scenario, record: Record) -> Table:
+    """Return the table of all measures of a run, beside their bounds."""
+    rows: list[list[str]] = []
+    for name, measure in MEASURES.items():
+        bound = scenario.expect.get(name, "")
+        limit = f"{bound:g}" if isinstance(bound, int | float) else bound
+        rows.append([name, f"{record.measures[name]:.3g}", limit, measure.meaning])
+    return Table(("measure", "value", "bound", "meaning"), rows, words=(0, 3))
+
+
+def _bounds_line(scenario: Scenario, record: Record) -> str:
+    """Return a line with the measures of a run that have a bound, beside it, or with the most
+    telling ones if none has.
+    """
+    bounds = {n: b for n, b in scenario.expect.items() if isinstance(b, int | float)}
+    told = [f"{name} {record.measures[name]:.3g} (bound {of:g})" for name, of in bounds.items()]
+    return "  " + ", ".join(told or [f"{name} {record.measures[name]:.3g}" for name in TELLING])
+
+
+def _where_and_next(folder: Path, paths: Sequence[Path], *, all_measures: bool) -> list[str]:
+    """Return a line with the files of a run's folder, those elsewhere, a line each, and a line with
+    commands that go on from there.
+    """
+    names = [path.name for path in paths if path.parent == folder]
+    others = [f"  {path}" for path in paths if path.parent != folder]
+    where = shlex.quote(str(folder))
+    commands = ("view", "report") if RECORDING in names else ("report",)
+    following = ", ".join(f"servobench {command} {where}" for command in commands)
+    more = "" if all_measures else "; --all prints every measure"
+    return [f"  {folder}: {', '.join(names)}", *others, f"  next: {following}{more}"]
 
 
 def _stage_line(run: Columns, writing: Sequence[float]) -> str:

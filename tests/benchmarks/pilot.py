@@ -2,7 +2,7 @@
 
     uv run python tests/benchmarks/pilot.py DRAFT ROWS.jsonl [worlds=N] [contestants=A,B] [workers=N]
 
-It runs the contestants (by default all shipped ones) in the first N worlds of each condition, adds a line for each run
+With a folder of published rows in place of ROWS.jsonl it prints the table of these, and runs nothing. Else it runs the contestants (by default all shipped ones) in the first N worlds of each condition, adds a line for each run
 to ROWS.jsonl (runs that are there already are not repeated), and prints a table in Markdown. The rule, written before the
 run: a condition is taken if the best contestant wins 40 to 70 % of its worlds, a camera that stands still under 5 %, and
 the item-rest correlation (of a world's results with the contestants' share in all other worlds) is above .2 in 80 % of the
@@ -18,7 +18,7 @@ import numpy as np
 
 from servo.bench.benchmark import Band, condition_of, load
 from servo.bench.contestant import contestants, scale_of
-from servo.bench.row import world_score
+from servo.bench.row import rows_in, world_score
 from servo.bench.world_run import CONTESTANT, WORLD, jobs_of
 from servo.study.execute import Workers, execute
 from servo.study.run import Failure
@@ -58,7 +58,13 @@ def run(draft: str, rows: Path, count: int, names: list[str], processes: int) ->
 
 
 def read(rows: Path) -> list[dict[str, object]]:
-    """The lines of a file of rows."""
+    """The lines of a file of rows, or the results in a folder of published rows."""
+    if rows.is_dir():
+        return [
+            {"world": world, "contestant": row.contestant, "won": score.held}
+            for row in rows_in(rows.glob("*.json"))
+            for world, score in row.worlds.items()
+        ]
     return [json.loads(line) for line in rows.read_text().splitlines()] if rows.exists() else []
 
 
@@ -103,5 +109,6 @@ if __name__ == "__main__":
     options = dict(option.split("=") for option in given)
     chosen = options["contestants"].split(",") if "contestants" in options else []
     worlds = int(options.get("worlds", "6"))
-    run(draft, Path(path), worlds, chosen, int(options.get("workers", "1")))
+    if not Path(path).is_dir():
+        run(draft, Path(path), worlds, chosen, int(options.get("workers", "1")))
     sys.stdout.write(table(Path(path)) + "\n")
