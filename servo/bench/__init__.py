@@ -1,3 +1,3 @@
-"""The public benchmarks of trackers and control laws: random scenarios (worlds) in frozen
+"""The public benchmarks of trackers and control laws: random scenarios (worlds) under frozen
 conditions, scores, ranks, and published results.
 """

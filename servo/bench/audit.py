@@ -1,5 +1,6 @@
 """Audit of a contestant's published results (its row of the benchmark's table): they are compared
-with the errors in all pictures of its runs, which are stored beside the row, and with new runs.
+with the errors in all pictures of its runs, which are stored in a file beside them, and with new
+runs.
 """
 
 import math
@@ -37,16 +38,16 @@ Errors = dict[tuple[str, float], Array]
 
 
 def errors_file(row: Path) -> Path:
-    """Return the path of the Parquet file with the errors of all pictures, beside the JSON file
-    `row` of a contestant's results.
+    """Return the path of the Parquet file with the errors in all pictures: that of the JSON file of
+    a contestant's results (`row`), with the suffix .parquet.
     """
     return row.with_suffix(".parquet")
 
 
 def errors_parquet(records: Sequence[Record]) -> bytes:
-    """Return the bytes of a Parquet file with a row for each run: the name of its world, the time
-    for a picture that the run prescribed to the tracker [ms] (0: the benchmark's own), and, for
-    each picture, the distance of the target's centre from the goal in target sizes (square root of
+    """Return the bytes of a Parquet file with a row for each run of a benchmark: name of its world
+    (random scenario), time that a slowed tracker took for a picture [ms] (0: not slowed), and the
+    list of the target's distances from the goal in all pictures, in target sizes (square root of
     the target's area in the goal picture).
     """
     columns = {
@@ -58,8 +59,8 @@ def errors_parquet(records: Sequence[Record]) -> bytes:
 
 
 def read_errors(path: Path) -> Errors:
-    """Read the errors in the pictures (frames,) [target sizes] of each run, by name of the world
-    and time of the tracker [ms], from the Parquet file that `errors_parquet` made.
+    """Return the errors (frames,) [target sizes] of each run in a Parquet file of `errors_parquet`,
+    by name of the world (random scenario) and time of the slowed tracker [ms] (0: not slowed).
 
     Raises:
         Mistake: The file cannot be read, or lacks a column of errors, worlds or times.
@@ -78,19 +79,19 @@ def read_errors(path: Path) -> Errors:
 def audit(
     benchmark: Benchmark, row: Row, one: Contestant, errors: Errors | None
 ) -> tuple[list[str], list[str]]:
-    """Compare a contestant's published results (its row) with the benchmark and with the errors of
-    all pictures.
+    """Compare a contestant's published results with the benchmark and with the errors in all
+    pictures of its runs.
 
     Args:
-        benchmark: The benchmark, in the row's version.
+        benchmark: The benchmark, in the version of the results.
         row: The published results.
         one: The contestant, as this version of servobench finds it.
-        errors: The errors of all runs of the row; None if they were not sent.
+        errors: The errors of all runs, as `read_errors` returns them; None if they were not sent.
 
     Returns:
-        A sentence for each contradiction of the row to the benchmark, to `errors` or, for a shipped
-        contestant, to its settings; and a sentence for each part of the row that could not be
-        compared, or if settings or files of a user's contestant differ.
+        A sentence for each contradiction of the results to the benchmark, to `errors` or, for a
+        shipped contestant, to its settings; and a sentence for each part of the results that could
+        not be compared, or if settings or files of a user's contestant differ.
     """
     worlds = expected_worlds(benchmark, row)
     other = {world.key for world in worlds} ^ row.worlds.keys()
@@ -125,9 +126,13 @@ def audit(
 
 
 def expected_worlds(benchmark: Benchmark, row: Row) -> list[World]:
-    """Return the worlds (random scenarios) that a contestant's results (`row`) should contain: all
-    worlds of the set of seeds that the row names or, if the row has no more worlds than a run with
+    """Return the worlds (random scenarios) of which a contestant's results should consist: all
+    worlds of the set that the results name or, if there are no more results than in a run with
     --quick, the first two of each condition.
+
+    Args:
+        benchmark: The benchmark.
+        row: The contestant's results.
     """
     band = Band(row.band, row.value, row.digest)
     quick = benchmark.every_world(band, QUICK)
@@ -135,8 +140,8 @@ def expected_worlds(benchmark: Benchmark, row: Row) -> list[World]:
 
 
 def sample(worlds: Sequence[World], rng: np.random.Generator) -> list[World]:
-    """Draw the worlds (random scenarios) that an audit repeats: a tenth of the given ones, and ten
-    at least (all if there are fewer).
+    """Draw the worlds (random scenarios) that an audit repeats: a tenth of the given ones, rounded
+    up, but at least ten (all if there are fewer), in the given order.
 
     An audit draws them when it begins, so that the author of the results cannot know them.
     """
@@ -187,9 +192,16 @@ class WorldComparison:
 def compare_run(
     benchmark: Benchmark, row: Row, errors: Errors | None, record: Record
 ) -> WorldComparison:
-    """Compare the record of a new run of a world with a contestant's published results and, if
-    given, with the errors in its pictures. A run with a slowed tracker is compared with the errors
-    only; without them it counts as equal.
+    """Compare a new run in a world (random scenario) with a contestant's published results and with
+    the errors in the pictures of its old run. A run with a slowed tracker is compared with the
+    errors only.
+
+    Args:
+        benchmark: The benchmark.
+        row: The published results.
+        errors: The errors of all old runs, as `read_errors` returns them; None: unknown, so that a
+            run with a slowed tracker counts as equal.
+        record: The record of the new run.
     """
     world, ms = record.settings[WORLD], float(record.settings[SLOW])
     now = np.asarray(record.series[ERROR], np.float32).astype(float)

@@ -56,9 +56,9 @@ OF_CONTESTANTS = {
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A condition of a benchmark, such as "fast": settings that all its worlds (random scenarios)
-    share, ranges from which further settings are drawn uniformly for each world, and factors: each
-    world has one level of each factor, with the settings of this level.
+    """A condition of a benchmark, such as "fast", from which worlds (random scenarios) are drawn:
+    the settings that all of them share, the ranges from which other settings are drawn uniformly,
+    and factors, of which each world gets one level, with the settings `factors[factor][level]`.
     """
 
     name: str
@@ -76,8 +76,9 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A world of a benchmark: a random scenario, with the settings of a condition (such as "fast"),
-    the drawn ones, and those of one level of each factor; and the seed of its run.
+    """A world of a benchmark: one random scenario. It has the name of its condition and its number
+    there, from 0, the seed of its run, its settings by dotted key, its level of each factor (such
+    as the kind of ground), and a size of the task (nan: none).
     """
 
     condition: str
@@ -94,20 +95,22 @@ class World:
     @property
     def key(self) -> str:
         """Name of the world from its condition and number, such as "fast-03". It is unique within a
-        band ("dev", "v1" or "sealed"); worlds of other bands can have the same name.
+        set of worlds ("dev", "v1" or "sealed"); other sets have worlds with the same names.
         """
         return f"{self.condition}-{self.number:02}"
 
 
 def condition_of(world: str) -> str:
-    """Return the condition's name in the key of a world: "fast" of "fast-03"."""
+    """Return the name of the condition of a world (random scenario), given the world's name: "fast"
+    of "fast-03".
+    """
     return world.rpartition("-")[0]
 
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """A set of a benchmark's worlds with seeds of its own: "dev" to tune on, "v1" to publish, or
-    "sealed".
+    """A set of a benchmark's worlds (random scenarios) with seeds of its own: "dev" to tune on,
+    "v1" to publish results on, or "sealed".
 
     Sealed seeds follow from the benchmark's hash, the contestant's digest and a public value of a
     later date, so that they are unknown while the contestant is written, and can be drawn again
@@ -123,9 +126,9 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Slow:
-    """Further runs of all contestants but the two references ("still" and "truth") in one
-    condition's worlds (random scenarios): a setting that slows the tracker, and its values [ms a
-    picture].
+    """Additional runs of a benchmark, in which the tracker is slowed down: the condition in whose
+    worlds (random scenarios) they are made, the setting that slows the tracker, and its values [ms
+    for each picture]. The reference contestants "still" and "truth" have no such runs.
     """
 
     condition: str
@@ -137,8 +140,9 @@ class Slow:
 
 @dataclass(frozen=True)  # without slots, in which no digest could be kept
 class Benchmark:
-    """A frozen version of a public benchmark of trackers or control laws, as its TOML and JSON
-    files describe it: conditions, number of random scenarios (worlds), seeds, scores and settings.
+    """A version of a public benchmark of trackers or control laws: conditions, number of worlds
+    (random scenarios) in each, seeds, kind of score, settings of the reference contestants, and the
+    values of all settings when it was frozen. It is read from the benchmark's TOML and JSON files.
     """
 
     name: str
@@ -174,12 +178,14 @@ class Benchmark:
 
     @property
     def is_draft(self) -> bool:
-        """True while the benchmark is not frozen: no settings were written down for it."""
+        """True if the benchmark is a draft, which is not frozen: it has no JSON file with the
+        values of its settings.
+        """
         return not self.frozen
 
     @cached_property
     def hash(self) -> str:
-        """Return the digest (16 hex digits) of the benchmark's file, the frozen settings, the
+        """Digest, 16 hexadecimal digits, of the benchmark's TOML file, the frozen settings, the
         models and pictures of its scenes, and the published worlds ("v1").
         """
         found = hashlib.sha256(self.text.encode())
@@ -191,8 +197,9 @@ class Benchmark:
         return found.hexdigest()[:HASH_DIGITS]
 
     def settings(self) -> Settings:
-        """Return, by dotted key, every setting that all contestants share, defaults included, and
-        the constants of the measures, with their values in this version of servobench.
+        """Return, by dotted key, the present values of all settings that the contestants share,
+        defaults included, and of the constants of the score; `check_frozen` compares them with the
+        frozen ones.
         """
         found = parse(copy.deepcopy(self.scenario), self.name, self.name).settings()
         for part in OF_CONTESTANTS[self.contestant]:
@@ -200,8 +207,11 @@ class Benchmark:
         return flat(as_json(found), self.name) | _constants(self.score)
 
     def resolved(self, contestant: Settings) -> Settings:
-        """Return, by dotted key, every setting of the tables that a contestant may set, such as
+        """Return, by dotted key, every setting in the tables that contestants set, such as
         [tracker]: those in `contestant`, and the defaults of all others.
+
+        Args:
+            contestant: Settings of the contestant, by dotted key.
 
         Raises:
             Mistake: A setting of the contestant is wrong.
@@ -212,11 +222,11 @@ class Benchmark:
         return flat(as_json(own), self.name)
 
     def check_frozen(self) -> None:
-        """Check that default settings and constants of measures have the values with which the
-        benchmark was frozen.
+        """Check that all settings and constants of the score still have the values with which the
+        benchmark was frozen. Settings that were added later are not checked.
 
         Raises:
-            Mistake: A value differs; settings that were added later do not count.
+            Mistake: A value differs.
         """
         now = self.settings()
         check_rules(
@@ -232,14 +242,17 @@ class Benchmark:
         )
 
     def every_world(self, band: Band, count: int | None = None) -> list[World]:
-        """Return the worlds of a band (worlds with seeds of their own): the first `count` of each
-        condition, or all if it is None.
+        """Return worlds (random scenarios) of all conditions, condition by condition.
+
+        Args:
+            band: The set of worlds, which decides the seeds.
+            count: Number of first worlds of each condition; None: all.
         """
         return [w for c in self.conditions for w in self.worlds_of(c, band)[:count]]
 
     def worlds_of(self, condition: Condition, band: Band) -> list[World]:
         """Return all worlds (random scenarios) of a condition, in order of their number, with the
-        seeds of a band.
+        seeds of a set of worlds (`band`).
 
         The draws are balanced: of n worlds one lies in each n-th part of a range, and each level of
         a factor occurs equally often, up to rounding (McKay, Beckman and Conover, A comparison of
@@ -263,8 +276,11 @@ class Benchmark:
         return [SEALED_FROM + int.from_bytes(d[:8], "big") % SEALED_SEEDS for d in digests]
 
     def table_of(self, world: World, contestant: Settings) -> Table:
-        """Return the TOML table of a world's scenario, with the settings of a contestant by dotted
-        key, which replace those of the world.
+        """Return the TOML table of the scenario of a world, with the settings of a contestant.
+
+        Args:
+            world: The world.
+            contestant: Settings of the contestant by dotted key, which replace those of the world.
         """
         table = copy.deepcopy(self.scenario)
         for settings in (world.settings, contestant):
@@ -274,7 +290,11 @@ class Benchmark:
         return table
 
     def scenario_of(self, world: World, contestant: Settings) -> Scenario:
-        """Return the scenario of a world with the settings of a contestant by dotted key.
+        """Return the checked scenario of a world, with the settings of a contestant.
+
+        Args:
+            world: The world.
+            contestant: Settings of the contestant by dotted key, which replace those of the world.
 
         Raises:
             Mistake: A setting of the contestant is wrong.
@@ -283,7 +303,8 @@ class Benchmark:
 
 
 def load(name: str) -> Benchmark:
-    """Return a shipped public benchmark, or a draft of one, by its name, such as "loop-v1".
+    """Return a public benchmark that is shipped with servobench, frozen or still a draft, by its
+    name, such as "loop-v1".
 
     Raises:
         Mistake: There is no benchmark of this name.
@@ -300,14 +321,15 @@ def load(name: str) -> Benchmark:
 def parsed(
     name: str, text: str, settings: Settings, rendering: str, measures: Settings | None = None
 ) -> Benchmark:
-    """Return the benchmark that a TOML text describes.
+    """Return the benchmark that the text of a TOML file describes.
 
     Args:
         name: The benchmark's name.
-        text: Contents of the benchmark's TOML file.
-        settings: Value of each setting when the benchmark was frozen.
-        rendering: Digest of the first pictures of the published runs ("v1").
-        measures: Constants of the measures, for the first versions only; later versions have these
+        text: Contents of the TOML file.
+        settings: Value of each setting when the benchmark was frozen, by dotted key; empty for a
+            draft.
+        rendering: Digest of the first pictures of the published runs ("v1"); "" for a draft.
+        measures: Constants of the score, for the first versions only; later versions have these
             constants in `settings`, so that the hash covers them.
     """
     # The file is ours, so its values have the types that a benchmark needs.

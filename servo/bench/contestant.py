@@ -65,8 +65,9 @@ class Division(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Contestant:
-    """A tracker or control law that takes part in a benchmark: its name, its settings, and the way
-    in which it is run.
+    """A tracker or control law that takes part in a benchmark: its name in the table of results,
+    the scenario's settings that it changes, by dotted key, and the way in which it is run
+    (`division`).
     """
 
     name: str
@@ -75,8 +76,8 @@ class Contestant:
 
     @property
     def digest(self) -> str:
-        """SHA-256 (hex) of the contestant's settings, and of the code and files that the settings
-        of a user's contestant name.
+        """SHA-256 digest, 64 hexadecimal digits, of the contestant's settings and, for a user's
+        contestant, of the code and the files that its settings name.
         """
         found = hashlib.sha256(json.dumps(as_json(self.settings), sort_keys=True).encode())
         for name, content in sorted((path.name, path.read_bytes()) for path in self._files()):
@@ -85,7 +86,9 @@ class Contestant:
 
     @property
     def is_unknown(self) -> bool:
-        """True if the contestant's settings name code or files, but none of these was found."""
+        """True if the settings of a user's contestant name code or files, of which none was found,
+        so that `digest` does not cover them.
+        """
         named = any(key in self.settings for key in NAMING) or any(":" in w for w in self._words())
         return named and not self._files()
 
@@ -163,16 +166,17 @@ def _modules(folder: Path) -> set[Path]:
 
 
 def scale_of(benchmark: Benchmark) -> list[Contestant]:
-    """Return the contestants that fix the ends of the scale of scores: one that has the score 0
-    and, if the benchmark has one, one that has 100.
+    """Return the reference contestants, whose results fix the ends of the scale of scores: "still"
+    has the score 0; "truth", if the benchmark has it, has 100.
     """
     ends = {NULL: benchmark.null, PERFECT: benchmark.perfect}
     return [Contestant(name, s, Division.SCALE) for name, s in ends.items() if s is not None]
 
 
 def home_of(benchmark: Benchmark) -> list[Contestant]:
-    """Return the contestants of a benchmark that come with servobench: all trackers that follow any
-    target by pictures alone, or the control laws that the benchmark's file lists.
+    """Return the contestants of a benchmark that come with servobench: all trackers that can follow
+    any target by pictures and the camera's motion alone, or the control laws that the benchmark's
+    file lists.
     """
     if benchmark.contestant != "tracker":
         return [Contestant(name, s, Division.HOME) for name, s in benchmark.home.items()]
@@ -186,18 +190,19 @@ def contestants(
     """Return the contestants that the command line names.
 
     Args:
-        benchmark: The benchmark that they take part in.
+        benchmark: The benchmark in which they take part.
         given: Names of shipped contestants, or name=kind:preset, name=module:Class,
             name='trax:COMMAND' or name='program:COMMAND' for a program, or name=onnx:FILE[,FILE]
             for networks of OpenCV's trackers (for a law, one network that acts as controller);
             empty: all shipped contestants.
-        changes: Changes KEY=VALUE of every contestant's settings, which put it into the division
-            OPEN. A user's tracker class runs in a process of its own, but in this process if a
-            change is of a tracker's setting.
+        changes: Changes KEY=VALUE of the settings of all contestants, whose division is then OPEN.
+            A user's class runs in another process, unless a setting of the tracker or the
+            controller is changed.
 
     Raises:
-        Mistake: There is no such contestant, it uses more than pictures, its name or its command is
-            missing, two have one name, or one has that of a reference ("still" or "truth").
+        Mistake: There is no such contestant, it uses more than pictures, it does not use the
+            picture at the goal where the benchmark requires it, its name or its command is missing,
+            two have one name, or one has that of a reference ("still" or "truth").
     """
     home = {one.name: one for one in home_of(benchmark)}
     changed = dict(map(assignment, changes))

@@ -1,4 +1,6 @@
-"""The published results of a contestant in a benchmark (its row of the table): a JSON file."""
+"""The published results of a contestant in a benchmark (one row of the benchmark's table), as a
+JSON file.
+"""
 
 import hashlib
 import os
@@ -58,7 +60,8 @@ Milliseconds = Annotated[str, StringConstraints(pattern=r"^\d{1,6}(\.\d{1,6})?$"
 @dataclass(frozen=True, slots=True)
 class WorldScore:
     """The result of a contestant in one world (random scenario) of a benchmark: its score (`area`,
-    0 to 1), success (`held`), and digests of the run's first and last picture.
+    0 to 1), whether it held the target or arrived at its goal (`held`), and digests of the run's
+    first and last picture ("": none).
     """
 
     area: Share
@@ -73,8 +76,10 @@ class WorldScore:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row(Made):
-    """The published results of a contestant in all worlds of a band (a set of worlds with seeds of
-    its own), as the contestant's JSON file has them.
+    """The published results of a contestant (one row of a benchmark's table), as the contestant's
+    JSON file has them: its result in each world (random scenario) of the set `band`, with the
+    contestant's settings and digest, and the benchmark's hash. `track_ms` is the tracker's median
+    time for a picture [ms].
     """
 
     KIND: ClassVar[str] = "benchmark row"
@@ -105,8 +110,8 @@ class Row(Made):
 
     @property
     def rendering(self) -> str:
-        """Digest of the first pictures of all worlds in these results (12 hex digits); empty if no
-        pictures were rendered.
+        """Digest, 12 hexadecimal digits, of the first pictures of the runs in all worlds of these
+        results; "" if no pictures were rendered.
         """
         scores = sorted(self.worlds.items())
         seen = [f"{key} {score.picture}" for key, score in scores if score.picture]
@@ -114,7 +119,8 @@ class Row(Made):
 
 
 def area_within(errors: Array, most: float) -> float:
-    """Return the mean of max(0, 1 - error / most) over errors (n,).
+    """Return the mean of max(0, 1 - error / most) over non-negative errors (n,), from 0 to 1;
+    `most` is in the unit of the errors.
 
     It is the area under the curve of the share of errors below tau, for tau from 0 to `most`,
     divided by `most`.
@@ -126,10 +132,10 @@ def area_within(errors: Array, most: float) -> float:
 
 
 def world_score(benchmark: Benchmark, record: Record) -> WorldScore:
-    """Return the result of a contestant in a world, from the record of the run.
+    """Return the result of a contestant in one world (random scenario), from the record of the run.
 
-    With the benchmark's score "held", the score is `area_within` of the errors, up to 2 target
-    sizes. With "arrives", it is 1 if the run did not end early, the camera ends within 10 mm and 1
+    If the benchmark's kind of score is "held", the score is that of `score_errors`. If it is
+    "arrives", the score is 1 if the run did not end early, the camera ends within 10 mm and 1
     degree of its goal, and no corner of the target was ever outside the picture, where a detector
     would have lost it; else 0. "reaches" is the same, but the target may leave the picture.
     """
@@ -143,9 +149,9 @@ def world_score(benchmark: Benchmark, record: Record) -> WorldScore:
 
 
 def score_errors(errors: Array) -> WorldScore:
-    """Return a tracker's result in one world from the error in each picture (n,) [target sizes]:
-    its score, `area_within` up to 2 target sizes, and whether it held the target: an error of at
-    most 1 in 95 % of the pictures.
+    """Return a tracker's result in one world (random scenario) from the error in each picture (n,)
+    [target sizes]: its score, which is `area_within` 2 target sizes, and whether it held the
+    target, with an error of at most 1 in at least 95 % of the pictures.
     """
     errors = np.asarray(errors, float)
     held = float(np.mean(errors <= HELD_SIZE)) >= HELD_SHARE
@@ -153,17 +159,19 @@ def score_errors(errors: Array) -> WorldScore:
 
 
 def curve_of(errors: Sequence[Array]) -> list[float]:
-    """Return the share, from 0 to 1, of the pictures of all runs whose error is at most tau, for 41
-    evenly spaced tau from 0 to 2 target sizes. `errors` has the errors (frames,) [target sizes] of
-    each run.
+    """Return the share, from 0 to 1 and rounded to four decimals, of the pictures of all runs whose
+    error is at most tau, for 41 evenly spaced tau from 0 to 2 target sizes.
+
+    Args:
+        errors: Errors (frames,) [target sizes] of each run.
     """
     every = np.concatenate([np.asarray(each, float) for each in errors])
     return [round(float(np.mean(every <= tau)), 4) for tau in TAUS]
 
 
 def is_within(record: Record, position: float, rotation: float) -> bool:
-    """Return True if a run's camera ended within a distance [mm] and an angle [deg] of its goal;
-    False if this was not measured.
+    """Return True if the camera was within a distance [mm] and an angle [deg] of its goal at the
+    end of a run; False also if this was not measured.
     """
     near = record.measures["end_position_mm"] <= position
     return bool(near and record.measures["end_rotation_deg"] <= rotation)
@@ -176,15 +184,14 @@ def row_of(
     records: Sequence[Record],
     command: str,
 ) -> Row:
-    """Return the published results (the row) of a contestant, from the records of all runs; records
-    of other contestants are left out.
+    """Return the published results of a contestant (one row of the benchmark's table).
 
     Args:
         benchmark: The benchmark.
-        band: The set of worlds that the runs are of.
+        band: The set of worlds (random scenarios) in which the runs were made.
         contestant: The contestant.
-        records: Records of the contestant's runs, and perhaps of others.
-        command: The command line that made the runs, which the row names.
+        records: Records of all runs of the contestant; those of other contestants are ignored.
+        command: The command line that made the runs, which is stored too.
     """
     own = [r for r in records if r.settings[CONTESTANT] == contestant.name]
     at_once = [r for r in own if r.settings[SLOW] == 0.0]
@@ -211,15 +218,15 @@ def row_of(
 
 
 def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> dict[str, float]:
-    """Return the share (0 to 1) of worlds in which the tracker held the target (an error of at most
-    1 target size in 95 % of the pictures). The keys are the times that the tracker takes for a
-    picture [ms], as texts such as "33"; the result is empty if the benchmark has no runs with
-    slowed trackers.
+    """Return the share (0 to 1) of worlds (random scenarios) in which the tracker held the target
+    (an error of at most 1 target size in at least 95 % of the pictures), by the time that it took
+    for a picture [ms], as a text such as "33" ("0": as in the other runs). The result is empty if
+    the benchmark has no runs with slowed trackers.
 
     Args:
-        benchmark: The benchmark, whose `slow` names the condition that counts, if any.
-        errors: Errors in the pictures (frames,) [target sizes] of each run, by the world's name and
-            the time of the tracker [ms].
+        benchmark: The benchmark; only worlds of the condition that its `slow` names count.
+        errors: Errors (frames,) [target sizes] of each run, by name of the world and time of the
+            tracker [ms].
     """
     if benchmark.slow is None:
         return {}
@@ -245,8 +252,8 @@ def _measures(records: Sequence[Record]) -> dict[str, float | None]:
 
 
 def shipped_rows(benchmark: Benchmark) -> list[Row]:
-    """Return the published results (rows of the table) of a benchmark's version, which come with
-    servobench.
+    """Return the published results that come with servobench for this version of a benchmark, one
+    for each contestant; empty if there are none.
     """
     folder = resources.files("scenes") / FOLDER / "rows" / benchmark.name
     with resources.as_file(folder) as path:
@@ -255,20 +262,19 @@ def shipped_rows(benchmark: Benchmark) -> list[Row]:
 
 
 def rows_in(paths: Iterable[Path]) -> list[Row]:
-    """Return the contestants' results (rows of the table) in some JSON files, in the order of their
-    paths.
+    """Return the contestants' results in some JSON files, one for each file, sorted by path.
 
     Raises:
-        Mistake: A file cannot be read, or is not a row.
+        Mistake: A file cannot be read, or has no results of a contestant.
     """
     return [Row.read(path) for path in sorted(paths)]
 
 
 def check_version(benchmark: Benchmark, row: Row) -> None:
-    """Check that a contestant's results (its row) are of a benchmark, in this version.
+    """Check that a contestant's published results are of this version of a benchmark.
 
     Raises:
-        Mistake: The row is of another benchmark or version.
+        Mistake: `row` is of another benchmark, or of another version.
     """
     if (row.benchmark, row.hash) != (benchmark.name, benchmark.hash):
         raise Mistake(
@@ -279,8 +285,8 @@ def check_version(benchmark: Benchmark, row: Row) -> None:
 
 
 def file_name(contestant: str) -> str:
-    """Return the name of the JSON file of a contestant's row; characters that a file system may
-    refuse become "_".
+    """Return the name of the JSON file with the results of a contestant: the contestant's name,
+    with "_" for all characters but letters, digits and "-_.", and ".json".
     """
     kept = "".join(c if c.isalnum() or c in "-_." else "_" for c in contestant)
     return f"{kept}.json"

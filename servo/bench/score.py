@@ -30,8 +30,11 @@ LIGHT = ("light.azimuth_deg", "light.elevation_deg")
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """A contestant's place in the table of a benchmark: its results, score and share of successes
-    with 95 % intervals, best and worst possible rank, and points in each world.
+    """A contestant's place in the table of a benchmark: its results, its score and the share of
+    worlds (random scenarios) in which it held the target or arrived, both with 95 % intervals, the
+    best and worst rank that it may have (`first`, `last`), its points by world, and the longest
+    time for a picture at which it still holds at least half of the worlds and more than the tracker
+    `frozen` (`slowest`) [ms], None without one.
     """
 
     row: Row
@@ -58,20 +61,21 @@ class Standing:
         return self.row.contestant
 
     def mean_in(self, condition: str) -> float:
-        """Return the contestant's mean points in the worlds of a condition: about 0 for a camera
-        that stands still, 100 for the true state in place of a tracker, or for a law that always
-        arrives; nan if it has no result there.
+        """Return the contestant's mean points in the worlds (random scenarios) of one condition;
+        nan if it has no result there. 0 is about a camera that stands still; 100 is a tracker that
+        knows the target's true state, or a law that always arrives.
         """
         of = [p for key, p in self.points.items() if condition_of(key) == condition]
         return float(np.mean(of)) if of else float("nan")
 
 
 def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
-    """Return the points of a contestant by world (random scenario); their mean is its score.
+    """Return the points of a contestant by name of the world (random scenario); their mean is its
+    score.
 
-    The points of a world are 100 (own - null) / (top - mean of null). There own and null are the
-    results (0..1) of `row` and of `null`, whose camera stands still; top is the mean result of
-    `perfect` or, without it, 1. Means are over the worlds in which all of them have a result.
+    The points in a world are 100 (own - least) / (mean of top - mean of least). Here own, least and
+    top are the results (0..1) of `row`, of `null`, whose camera stands still, and of `perfect` (1
+    without it) in the world. Means are over the worlds in which all of them have a result.
 
     Raises:
         Mistake: There is no world in which all of them have a result.
@@ -91,16 +95,19 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
 
 
 def standings(rows: Sequence[Row]) -> list[Standing]:
-    """Rank the contestants whose results are given, the best first; the reference contestants
-    "still" and "truth", whose results define the scores 0 and 100, are left out.
+    """Return the places of contestants in a benchmark's table, the highest score first.
 
-    Ranks are intervals: each pair is compared over the worlds of both by Student's paired test,
-    with Holm's correction for all pairs. The test compares means, as the score does: signed ranks
-    would prefer a contestant that is a little better in most worlds and loses the target in some.
+    Ranks are intervals: each pair of contestants is compared in the worlds (random scenarios) of
+    both by Student's paired test, with Holm's correction for all pairs. The test compares means, as
+    the score does: signed ranks would prefer a contestant that is a little better in most worlds
+    and loses the target in some.
+
+    Args:
+        rows: Results of the contestants, and of the references "still" and, if the benchmark has
+            it, "truth", which define the scores 0 and 100 and get no place.
 
     Raises:
-        Mistake: The results of the contestant with the score 0 are missing, or share no world with
-            those of another one.
+        Mistake: The results of "still" are missing, or share no world with those of a contestant.
     """
     by_name = {row.contestant: row for row in rows}
     if NULL not in by_name:
@@ -171,8 +178,8 @@ def _gaps(first: Mapping[str, float], second: Mapping[str, float]) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """The mean points of all contestants in the worlds at one level of a factor, such as one kind
-    of ground, with an interval over these worlds.
+    """The mean points of all contestants in the worlds (random scenarios) at one level of a factor,
+    such as one kind of ground, with a 95 % interval over these worlds.
     """
 
     factor: str
@@ -182,11 +189,15 @@ class Effect:
 
 
 def effects(worlds: Sequence[World], table: Sequence[Standing]) -> list[Effect]:
-    """Return, for each level of a factor and each third of the lamp's azimuth and elevation, the
-    mean points over its worlds, with an interval.
+    """Return the mean points, with a 95 % interval, over the worlds (random scenarios) at each
+    level of each factor, and in each third of the lamp's azimuth and elevation.
 
-    The points of a world are the mean of all contestants in `table`. A level with fewer than five
+    The points in a world are the mean of all contestants in `table`. A level with fewer than five
     worlds is left out.
+
+    Args:
+        worlds: The worlds of the benchmark.
+        table: Places of the contestants.
     """
     found = list[Effect]()
     for (factor, level), keys in _levels(worlds).items():
@@ -217,9 +228,9 @@ def _levels(worlds: Sequence[World]) -> dict[tuple[str, str], list[str]]:
 
 @dataclass(frozen=True, slots=True)
 class Difficulty:
-    """Numbers of worlds (random scenarios) in which no contestant, or every one but the tracker
-    `frozen`, holds the target, so that the world does not distinguish contestants; and the number
-    of all worlds in which these contestants have a result.
+    """Numbers of worlds (random scenarios) that do not distinguish contestants, because none of
+    them held the target there, or all did; and the number of all worlds in which they have a
+    result. The tracker `frozen`, which does not use pictures, is not counted.
     """
 
     nobody: int
@@ -230,8 +241,9 @@ class Difficulty:
 
     @staticmethod
     def of(table: Sequence[Standing]) -> "Difficulty | None":
-        """Count the worlds in which no contestant, or every one, holds the target. The tracker
-        `frozen` is left out; return None if fewer than three others remain.
+        """Count the worlds (random scenarios) in which none, and in which all, of the contestants
+        in a table held the target. The tracker `frozen` is left out; return None if fewer than
+        three contestants remain.
         """
         rows = [standing.row.worlds for standing in table if standing.name != FROZEN]
         if len(rows) < FEWEST_CONTESTANTS:
@@ -242,9 +254,17 @@ class Difficulty:
 
 
 def by_size(row: Row, worlds: Sequence[World], condition: str, parts: int) -> list[float]:
-    """Return the share (0 to 1) of a condition's worlds in which the target was held, or the goal
-    reached, in `parts` groups of about equal number by size of the task, the smallest first; nan
-    for an empty group. Worlds without a result in `row` are left out.
+    """Return the shares (0 to 1) of worlds (random scenarios) of a condition in which a contestant
+    held the target or arrived, by size of the task.
+
+    Args:
+        row: Results of the contestant; worlds without a result are left out.
+        worlds: The worlds; those of other conditions are ignored.
+        condition: Name of the condition.
+        parts: Number of groups, of about equal number of worlds, into which they are split by size.
+
+    Returns:
+        The share in each group, that with the smallest sizes first; nan for an empty group.
     """
     own = sorted(
         (w for w in worlds if w.condition == condition and w.key in row.worlds),

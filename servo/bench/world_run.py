@@ -33,8 +33,9 @@ ERROR = "error_sizes"
 
 @dataclass(frozen=True, slots=True)
 class WorldRun:
-    """The run of a contestant (tracker or control law) in a random scenario of a benchmark, which a
-    study's job carries out.
+    """The run of a contestant (tracker or control law) in one world (random scenario) of a
+    benchmark, as the subject of a study's job: the scenario's table includes the contestant's
+    settings.
     """
 
     benchmark: str
@@ -45,15 +46,16 @@ class WorldRun:
     """The scenario's TOML table."""
 
     def describe(self) -> Table:
-        """Return a table with the benchmark's name and hash under "benchmark", and the scenario's
-        table under "scenario".
+        """Return the benchmark's name and hash by the key "benchmark", and the scenario's table by
+        "scenario".
         """
         return {"benchmark": self.benchmark, "scenario": self.table}
 
     def perform(self, job: Job, folder: Path) -> Record:
         """Run the contestant in the world, and return the record: its measures, the error in each
-        picture, digests of the first and last picture and, if a tracker does not hold the target, a
-        contact sheet. If the simulation becomes unstable, the run ends there.
+        picture [target sizes], and digests of the first and last picture. If a contestant that sees
+        pictures does not hold the target, the record has an image with pictures of the run. If the
+        simulation becomes unstable, the run ends there.
 
         No file is written into `folder`.
 
@@ -89,10 +91,15 @@ class WorldRun:
 
 
 def errors_of(run: Columns, frames: int) -> Array:
-    """Return the image distance of the target's centre from its goal (frames,) [target sizes].
+    """Return the distance, in each picture, of the target's true centre from its goal (frames,)
+    [target sizes].
 
-    A target size is the square root of the target's area in the goal picture [px]. The distance
-    is infinite where the run ended before, or the target is behind the camera.
+    A target size is the square root of the target's area in the goal picture. The distance is
+    infinite in pictures that the run did not reach, and where the target is behind the camera.
+
+    Args:
+        run: Columns of all steps of the run.
+        frames: Number of pictures of a complete run.
     """
     x, y = run.first.truth.corners.T
     area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
@@ -106,8 +113,8 @@ def jobs_of(
     benchmark: Benchmark, contestants: Sequence[Contestant], worlds: Sequence[World]
 ) -> list[Job]:
     """Return a job for each contestant in each world (random scenario). In the worlds of the
-    condition that `benchmark.slow` names, there are further jobs in which the tracker takes longer
-    for a picture, but not for the two reference contestants.
+    condition that `benchmark.slow` names, each contestant but the reference ones ("still" and
+    "truth") also has a job for each time that a slowed tracker takes for a picture.
     """
     of = f"{benchmark.name} {benchmark.hash}"
     slow = benchmark.slow

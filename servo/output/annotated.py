@@ -18,11 +18,13 @@ BAND = 24
 
 
 def annotated(step: Step) -> Image:
-    """Return the picture of a step as RGB (H, W, 3), with outlines and a line of text; a picture
-    narrower than 640 px is enlarged by a whole number to about this width.
+    """Return a copy of a step's picture as RGB (H, W, 3), with outlines of the target and a line of
+    text at the top. A small picture is enlarged: by 640 px over its width, rounded to a whole
+    number.
 
-    The outlines are those of truth (white), goal (red) and estimate (the colour of its status). The
-    text gives time [s], status of the tracker, and distance of the true centre from the goal [px].
+    The outlines are the true one (white), the goal (red) and the estimate (in the colour of its
+    status). The text gives time [s], status of the tracker, and distance of the true centre from
+    the goal [px].
     """
     image = step.frame.image
     factor = max(1, round(WIDTH / image.shape[1]))
@@ -48,7 +50,7 @@ def annotated(step: Step) -> Image:
 
 
 class View:
-    """A window of Matplotlib that shows one picture after another."""
+    """A window of Matplotlib with a title, which shows one picture at a time."""
 
     def __init__(self, title: str) -> None:
         self.figure = pyplot.figure(title)
@@ -57,7 +59,9 @@ class View:
         self.image: AxesImage | None = None
 
     def show(self, picture: Image) -> None:
-        """Show an RGB picture (H, W, 3) in place of the last one; the first opens the window."""
+        """Show an RGB picture (H, W, 3) in place of the one before; the first call opens the
+        window. All pictures have the same size.
+        """
         if self.image is None:
             self.image = self._axes.imshow(picture)
             self.figure.show()

@@ -1,5 +1,5 @@
-"""Films (MP4) of runs: the camera's picture with outlines, the room from outside, and curves of the
-errors.
+"""Films (MP4) of runs: the camera's picture with outlines of the target, the scene from outside,
+and curves of the errors.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -50,12 +50,13 @@ PARTS = 16
 
 
 class RunViews:
-    """Draws two pictures for each step of a run: the camera's picture, and the room from outside.
+    """Draws two pictures for each step of a run: the camera's picture, and the room (the scene from
+    outside).
 
-    The camera's picture has the outlines of truth, goal and estimate, and the paths of the target's
-    true corners so far. The room has the camera's field of view as a pyramid, and its path so far,
-    both drawn over everything; in its lower right corner is a second picture, which follows the
-    camera.
+    The camera's picture has the true outline of the target (white), its goal (red) and its estimate
+    (green), and the paths of its true corners so far. The room has the camera's field of view as a
+    pyramid, and the camera's path so far, both drawn over everything. In the room's lower right
+    corner is a second view, which follows the camera.
     """
 
     def __init__(self, camera: Camera, room: MjModel, size: tuple[int, int]) -> None:
@@ -75,13 +76,14 @@ class RunViews:
         self._corners: list[Array] = []
 
     def close(self) -> None:
-        """Release the buffers of the renderers."""
+        """Release the OpenGL buffers of the renderers."""
         self._room.close()
         self._beside.close()
 
     def draw(self, step: Step) -> tuple[Image, Image]:
-        """Return the pictures of camera and room at a step, each RGB (H, W, 3); call it once for
-        each step, in order, as the paths grow.
+        """Return the picture of the camera and that of the room at a step, each RGB (H, W, 3) of
+        the given size. Call it once for each step, in order, because the drawn paths grow with each
+        call.
         """
         self._path.append(step.truth.T_world_camera.translation)
         self._corners.append(step.truth.corners)
@@ -128,8 +130,8 @@ class RunViews:
 
 
 class RunFilm:
-    """Sink that draws each step of a run as a frame of a film, for an MP4 file or a receiver of
-    frames.
+    """Sink (receiver of the steps of a run) that draws each step as a frame of a film, for an MP4
+    file or for another receiver of frames.
     """
 
     def __init__(self, to: Path | FrameReceiver, title: str = "", end: float | None = None) -> None:
@@ -146,7 +148,7 @@ class RunFilm:
         self._opened: tuple[FilmPage, RunViews] | None = None
 
     def add(self, step: Step) -> None:
-        """Append a frame that shows a step, which must have its picture.
+        """Append a frame that shows a step; the step must still have its picture.
 
         Raises:
             OSError: The file cannot be written.
@@ -162,11 +164,13 @@ class RunFilm:
         film.add(step.frame.time, views.draw(step), errors, [step.estimate.status.name], note)
 
     def close(self) -> None:
-        """Finish the file; without a step there is no file."""
+        """Finish the film; if no step was added, no file is written."""
         self._finish(whole=True)
 
     def abandon(self) -> None:
-        """Close the film before the end of the run; all frames but the last can be played."""
+        """Close the file after an error, without finishing the film; all frames but the last can be
+        played.
+        """
         self._finish(whole=False)
 
     def _finish(self, *, whole: bool) -> None:
@@ -178,15 +182,17 @@ class RunFilm:
 
 
 def write_film(steps: Iterable[Step], path: Path, title: str = "") -> Path:
-    """Write the film of a run's steps, which must have their pictures (those of `servo.run` do).
+    """Write a film of the steps of a run, which must still have their pictures (those of
+    `servo.run` do), as an MP4 file.
 
     Args:
-        steps: All steps in order: a list, or the run itself, which is then filmed as it goes on.
+        steps: All steps in order: a list, or an iterator that makes them, such as a run that is
+            filmed as it goes on. Without steps no file is written.
         path: MP4 file to write; an older one is replaced.
         title: First line of the film.
 
     Returns:
-        The path of the file.
+        `path`.
 
     Raises:
         OSError: The file cannot be written.
@@ -205,15 +211,15 @@ def write_film_of_two(
     path: Path,
     written: Callable[[str], None],
 ) -> None:
-    """Run two episodes and film both beside each other; when the shorter run has ended, its last
-    picture stays.
+    """Run two episodes, and write one film (MP4) that shows both beside each other. When the
+    shorter run has ended, its last picture stays.
 
     Args:
-        episodes: Two episodes that have not begun.
+        episodes: Two episodes (runs that can be stepped) that have not begun.
         names: Captions above the two halves.
         path: MP4 file to write; an older one is replaced.
-        written: Called after each frame with a line about the mean corner errors of both runs, such
-            as "error 3.1 px and 2.8 px".
+        written: Called after each frame with a text of both runs' mean distances between the
+            target's true corners and their goals, such as "error 3.1 px and 2.8 px".
 
     Raises:
         Mistake: The rates of the cameras differ.

@@ -1,4 +1,6 @@
-"""The JSON files of servobench: each kind is a frozen dataclass that writes and reads its file."""
+"""The JSON files that servobench writes: each kind of file is a frozen dataclass, which writes and
+reads it.
+"""
 
 import shlex
 from dataclasses import dataclass
@@ -25,7 +27,9 @@ T = TypeVar("T")
 
 
 class OtherFormat(Mistake):
-    """Error: a file has another format number than this version of servobench reads."""
+    """Error: a file has another format number (`found`; None: it has none) than the one that this
+    version of servobench reads (`number`). `fact` is the sentence without advice.
+    """
 
     def __init__(self, path: Path, found: object, number: int) -> None:
         has = "has no format number" if found is None else f"has format {found!r}"
@@ -48,8 +52,12 @@ class Document:
     """Format number; it increases by one when older versions cannot read the file any more."""
 
     def write(self, folder: Path, name: str | None = None) -> Path:
-        """Write the file into a folder, under its usual name if none is given, and return its path;
-        an older file of this name is replaced.
+        """Write these contents as a JSON file into a folder, and return the file's path; an older
+        file of this name is replaced.
+
+        Args:
+            folder: An existing folder.
+            name: Name of the file; None: the constant FILE.
 
         Raises:
             OSError: The file cannot be written.
@@ -57,15 +65,18 @@ class Document:
         return atomic.write(folder, name or self.FILE, self.text())
 
     def text(self) -> str:
-        """Return the file's JSON, which begins with its format number and kind."""
+        """Return these contents as JSON; the first two keys are "format" (the constant FORMAT) and
+        "kind" (the constant KIND).
+        """
         return json_text({"format": self.FORMAT, "kind": self.KIND} | as_json(self))
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Return the content of a file of this kind; keys without a field are ignored.
+        """Return the contents of a file of this kind; keys without a field of this class are
+        ignored.
 
         Raises:
-            OtherFormat: The file has another format number, or has none.
+            OtherFormat: The file has another format number than FORMAT, or has none.
             Mistake: The file cannot be read, is not JSON, is of another kind, lacks a key, or has a
                 value of the wrong type.
         """
@@ -84,7 +95,9 @@ class Document:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Made(Document):
-    """A JSON file that names the command line and the package versions that made it."""
+    """Base class of the contents of JSON files that also name the command line that made the file
+    ("" for Python), and the versions of packages, by name.
+    """
 
     command: str
     """The command line that repeats it, without --out and the number of workers; empty if it was

@@ -38,8 +38,8 @@ HEADERS = {"Content-Type": "text/html; charset=utf-8", "Cache-Control": "no-stor
 
 
 class NewestPicture:
-    """Receiver of the frames of a film that keeps the newest one as JPEG, for any number of reading
-    threads; slow readers skip frames.
+    """Receiver of the frames of a film that keeps the newest one as JPEG. Any number of threads may
+    read it; a slow reader skips frames.
     """
 
     def __init__(self) -> None:
@@ -48,7 +48,9 @@ class NewestPicture:
         """The newest frame; empty before the first one, None at the end."""
 
     def add(self, image: Image, time: float) -> None:
-        """Store an RGB picture (H, W, 3) as the newest frame; `time` is not used."""
+        """Store an RGB picture (H, W, 3) as the newest frame, and wake up all readers; `time` is
+        not used.
+        """
         self._store(encoded(image, QUALITY))
 
     def close(self) -> None:
@@ -57,7 +59,7 @@ class NewestPicture:
     abandon = close
 
     def end(self) -> None:
-        """Make all readers stop."""
+        """End the iterators of all readers."""
         self._store(None)
 
     def _store(self, jpeg: bytes | None) -> None:
@@ -66,8 +68,8 @@ class NewestPicture:
             self._changed.notify_all()
 
     def read(self) -> Iterator[bytes]:
-        """Yield the newest frame as a JPEG file whenever there is a newer one than the last, until
-        `end` is called; a slow reader skips frames.
+        """Yield the newest frame as the bytes of a JPEG file, whenever there is one that this
+        reader has not seen; end after a call of `end`. A slow reader skips frames.
         """
         jpeg: bytes | None = b""
         while True:
@@ -81,8 +83,8 @@ class NewestPicture:
 
 @final
 class LightPage:
-    """Web server of the live page; each frame that is added to its attribute `pictures` appears on
-    the page.
+    """Web server, at a port of 127.0.0.1, of a page that shows a film as it goes on: each frame
+    that is added to its attribute `pictures` appears on the page.
     """
 
     def __init__(self, port: int) -> None:
@@ -107,11 +109,11 @@ class LightPage:
             webbrowser.open(self.page)
 
     def wait(self) -> None:
-        """Serve the page until Ctrl-C, which raises KeyboardInterrupt."""
+        """Wait, with the page still served, until Ctrl-C, which raises KeyboardInterrupt."""
         threading.Event().wait()
 
     def stop(self) -> None:
-        """End all connections, and stop serving."""
+        """End all streams of pictures, and stop serving the page."""
         self.pictures.end()
         self._server.shutdown()
         self._server.server_close()
@@ -129,8 +131,8 @@ class LightPage:
 
 
 class ThrottledSink:
-    """A sink that passes on at most ten frames a second (wall clock) to another sink, and drops the
-    others.
+    """A sink (receiver of the frames of a run or a track) that passes on at most ten frames a
+    second of the wall clock to another sink, and drops the others.
     """
 
     def __init__(self, sink: Sink) -> None:
@@ -140,8 +142,8 @@ class ThrottledSink:
         self.abandon = sink.abandon
 
     def add(self, *given: object) -> None:
-        """Pass a frame on if 0.1 s have passed since the last one that was passed on (or, for the
-        first, since this object was made); else drop it.
+        """Pass a frame on to the other sink if 0.1 s have passed since the last one that was passed
+        on (before the first, since this object was made); else drop it.
         """
         if self._timer.due():
             self._sink.add(*given)

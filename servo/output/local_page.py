@@ -21,7 +21,10 @@ def has_display() -> bool:
 
 
 class LocalServer(ThreadingHTTPServer):
-    """HTTP server at 127.0.0.1 that answers each request in a thread of its own."""
+    """HTTP server at 127.0.0.1 that answers each request in a thread of its own. `answers` has a
+    function for each allowed request, by method and path, such as "GET /"; `address` is the URL of
+    the page.
+    """
 
     def __init__(self, port: int, answers: Mapping[str, "Answer"], path: str = "/") -> None:
         """Listen at a port, and answer requests in a background thread until `shutdown`.
@@ -41,20 +44,24 @@ class LocalServer(ThreadingHTTPServer):
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Ignore an error of one connection, such as a browser that resets it."""
+        """Ignore an error in one connection, such as a browser that resets it, which the base class
+        would print.
+        """
 
 
 class LocalHandler(BaseHTTPRequestHandler):
-    """Handler that answers only the requests that its server allows, and only with 127.0.0.1 or
-    localhost and the server's port as Host: another site cannot read answers by letting its own
-    name lead to 127.0.0.1.
+    """Handler of a request to a `LocalServer`. It answers only the requests that its server allows,
+    and only if their Host is 127.0.0.1 or localhost with the server's port: otherwise another site
+    could read answers by letting its own name lead to 127.0.0.1.
     """
 
     server: LocalServer  # pyright: ignore[reportIncompatibleVariableOverride]
     timeout = 10.0  # of a browser that neither sends nor reads
 
     def do_GET(self) -> None:
-        """Answer a request, with 404 if it is not allowed."""
+        """Answer a GET or POST request by the server's function for it; send 404 if the server has
+        none or the Host is another one.
+        """
         answer = self.server.answers.get(f"{self.command} {self.path}")
         hosts = (f"{HOST}:{self.server.port}", f"localhost:{self.server.port}")
         if answer is None or self.headers.get("Host") not in hosts:
@@ -65,7 +72,9 @@ class LocalHandler(BaseHTTPRequestHandler):
     do_POST = do_GET
 
     def send(self, code: int, body: bytes, headers: Mapping[str, str]) -> None:
-        """Answer with an HTTP status code, headers and a body."""
+        """Send a whole answer: an HTTP status code, such as 200, headers by name, and a body; the
+        length of the body is added to the headers.
+        """
         self.send_response(code)
         for header, value in headers.items():
             self.send_header(header, value)
@@ -74,7 +83,7 @@ class LocalHandler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002  (its name there)
-        """Print no line about the request, as the base class would."""
+        """Do nothing: the base class would print a line about each request."""
 
 
 Answer = Callable[[LocalHandler], None]

@@ -8,7 +8,7 @@
 | /camera/annotations | foxglove_msgs/ImageAnnotations: estimate, goal, truth; particles |
 | /estimate | geometry_msgs/PolygonStamped: corners of the estimate in the picture [px], z = 0 |
 | /tf | tf2_msgs/TFMessage (run): world to base and target, base to camera |
-| /step, /shot | the row of steps.parquet; confidence, status, state, milliseconds |
+| /step, /shot | run: the row of steps.parquet; track: frame, status, state, confidence, time |
 
 All are messages of ROS 2 in CDR, with their definitions (`ros2msg`): /step and /shot have types of
 our own, in `servobench_msgs`, with a field for each number.
@@ -88,8 +88,9 @@ def check_installed() -> None:
 
 
 class McapFile:
-    """Writer of an MCAP log with the messages of each frame: picture, depth picture, calibration,
-    outlines, poses, and a row of numbers; `at` is the frame's time [ns].
+    """Writer of an MCAP log (a file for Foxglove and ROS 2) with several messages for each frame:
+    picture, depth picture, calibration, outlines, poses, and a row of numbers. In all methods, `at`
+    is the frame's time [ns].
     """
 
     def __init__(self, path: Path, topic: str, columns: Mapping[str, str]) -> None:
@@ -139,14 +140,15 @@ class McapFile:
     def picture(
         self, at: int, image: Image | None, corners: Corners, particles: Array | None
     ) -> None:
-        """Write a picture, the outlines and particles drawn over it (annotations), and the corners
-        of the estimate.
+        """Write the messages of a frame's picture: the picture as JPEG, annotations (outlines and
+        particles to be drawn over it), and the corners of the estimate.
 
         Args:
             at: Time of the frame [ns].
-            image: RGB (H, W, 3); None: there is no picture, and only the others are written.
-            corners: Corners (4, 2) [px] of outlines by their RGB colour; the last is the estimate.
-                Annotations leave out outlines with a corner that is not finite.
+            image: RGB (H, W, 3); None: there is no picture, and only the other messages are
+                written.
+            corners: Corners (4, 2) [px] of outlines, by their RGB colour; the last one is the
+                estimate. Annotations leave out outlines with a corner that is not finite.
             particles: Particles (n, 2 or more), x and y first [px]; None: the tracker has none.
         """
         header = ros2.header(at, FRAME)
@@ -178,7 +180,13 @@ class McapFile:
         )
 
     def depth(self, at: int, depth: DepthPicture) -> None:
-        """Write a depth picture (H, W) [m] as a 32-bit float image, with the time `at` [ns]."""
+        """Write a message with a depth picture (H, W) [m], nan where there is no depth, as 32-bit
+        floats.
+
+        Args:
+            at: Time of the frame [ns].
+            depth: The depth picture.
+        """
         height, width = depth.shape
         self._log(
             "/camera/depth",
@@ -193,8 +201,11 @@ class McapFile:
         )
 
     def calibration(self, at: int, camera: Camera) -> None:
-        """Write the intrinsics and distortion of a camera as CameraInfo, with the time `at` [ns] of
-        the picture that it took.
+        """Write a message with a camera's intrinsics and distortion (CameraInfo).
+
+        Args:
+            at: Time [ns] of the picture that the camera took.
+            camera: The camera.
         """
         region = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
         known = camera_info(camera)
@@ -208,8 +219,11 @@ class McapFile:
         )
 
     def transforms(self, at: int, poses: Mapping[tuple[str, str], Pose]) -> None:
-        """Write the poses T_parent_child [m] of coordinate frames, by the names (parent, child), at
-        the time `at` [ns].
+        """Write one message with the poses of coordinate frames in their parent frames.
+
+        Args:
+            at: Time of the poses [ns].
+            poses: Pose T_parent_child, whose translation is in m, by the names (parent, child).
         """
         found = [
             ros2.part(
@@ -223,8 +237,12 @@ class McapFile:
         self._log("/tf", at, transforms=found)
 
     def row(self, at: int, values: Mapping[str, object]) -> None:
-        """Write a frame's row of numbers and texts, by column, as its last message; None is written
-        as nan.
+        """Write the message with a frame's numbers and texts; call it after the frame's other
+        messages, because it reports their errors too.
+
+        Args:
+            at: Time of the frame [ns].
+            values: Value of each column; None is written as nan.
 
         Raises:
             OSError: This message or an earlier one cannot be written.
@@ -237,7 +255,7 @@ class McapFile:
         self._file.check()
 
     def close(self) -> None:
-        """Write the last chunk and the index, and close the file.
+        """Write the remaining messages and the index, and close the file.
 
         Raises:
             OSError: The file cannot be written.
@@ -247,7 +265,9 @@ class McapFile:
             self._file.check()
 
     def abandon(self) -> None:
-        """Close the file after an error, with all data that the disk takes."""
+        """Close the file after an error, with as much of the remaining data as the disk takes; no
+        error is raised.
+        """
         self._writer.close()  # else it complains on stderr when it is deleted
         self._file.close()
 
@@ -310,7 +330,9 @@ class _CheckedFile:
 
 
 class RunMcap(McapFile):
-    """Sink that writes the steps of a run into an MCAP log."""
+    """Sink (receiver of the steps of a run) that writes each step of an episode into a new MCAP log
+    at `path`.
+    """
 
     def __init__(self, path: Path, episode: Episode) -> None:
         self._quantities = quantities_of(episode)
@@ -320,9 +342,10 @@ class RunMcap(McapFile):
         )
 
     def add(self, step: Step) -> None:
-        """Write a step: its picture with outlines and calibration (CameraInfo) and its depth
-        picture, if the camera delivered them; the estimate; the poses of base, camera and target;
-        and the step's row of steps.parquet.
+        """Write the messages of a step: outlines of truth, goal and estimate; poses of robot base,
+        camera and target; and all values of the step's row in steps.parquet. If the camera
+        delivered a picture, also this, the camera's calibration, and the depth picture if there is
+        one.
 
         Raises:
             OSError: The file cannot be written.
@@ -352,7 +375,10 @@ class RunMcap(McapFile):
 
 
 class TrackMcap(McapFile):
-    """Sink that writes each picture of a track, with its estimate, into an MCAP log."""
+    """Sink (receiver of the pictures of a track) that writes each picture, with the tracker's
+    estimate, into a new MCAP log at `path`. `region` is the target's region in the first picture,
+    from which the outlines follow.
+    """
 
     def __init__(self, path: Path, region: Region) -> None:
         super().__init__(path, "/shot", SHOT)
@@ -360,10 +386,15 @@ class TrackMcap(McapFile):
         self._zero = 0
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a tracked picture, if it could be decoded, the outlines of estimate and truth, the
-        particles, and the row of numbers. The messages have the time of the picture's stamp; a
-        picture without one has its time since the first, shifted as the last stamp was. `truth` are
-        the true corners (4, 2) [px], or None.
+        """Write the messages of a tracked picture: the picture, if it could be decoded, the
+        outlines of estimate and truth, the particles, and a row of numbers.
+
+        Their time is the stamp of the picture; without one it is the picture's time since the
+        first, with the same shift as at the last stamp.
+
+        Args:
+            shot: The picture with its estimate.
+            truth: True corners (4, 2) of the target [px]; None: unknown.
 
         Raises:
             OSError: The file cannot be written.

@@ -28,17 +28,17 @@ MARGINS = 0.6
 
 
 def figure(curves: RunCurves, title: str) -> Drawing:
-    """Return one figure of a run: over time the feature errors, the distances of the true centre
-    from goal and estimate [px], and the target's own motion; shaded where the tracker is not sure
-    or a frame was dropped.
+    """Return one figure of a run with plots over time: the feature errors, the distances of the
+    true centre from the goal and from its estimate [px], and the target's own motion. Times are
+    shaded at which the camera delivered no picture, or the tracker's status is not LOCKED.
     """
     motions = map(curves.motion, curves.moving)
     return _drawn(curves, title, [curves.errors(), curves.distances(), *motions])
 
 
 def draw(curves: RunCurves, title: str, folder: Path) -> list[Path]:
-    """Write target_motion.png and errors.png, with this title, into a folder; return their paths in
-    this order.
+    """Write two figures of a run into a folder: `motion_figure` as target_motion.png and
+    `error_figure` as errors.png, both with this title. Return their paths in this order.
 
     Raises:
         OSError: A file cannot be written.
@@ -48,11 +48,11 @@ def draw(curves: RunCurves, title: str, folder: Path) -> list[Path]:
 
 
 def motion_figure(curves: RunCurves, title: str) -> Drawing:
-    """Return the figure of the target's own motion in the image over time, as rates of the features
-    (like figure 9 of Teuliere, Marchand, Eck).
+    """Return the figure of the target's own motion in the image over time, as rates of change of
+    the image features (like figure 9 of Teuliere, Marchand, Eck).
 
-    Each feature for which the feature set proposes feed-forward (or each feature, if there are
-    none) has its own plot with the measured, estimated and true rate.
+    Each feature for which the feature set proposes feed-forward (or each feature, if it proposes
+    none) has a plot of its own with the measured, the estimated and the true rate.
     """
     motions = [curves.motion(name) for name in curves.moving]
     return _drawn(curves, f"{title}: the target's own motion", motions)

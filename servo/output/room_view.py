@@ -1,4 +1,6 @@
-"""Pictures of the room from outside, with all bodies at the poses of a step."""
+"""Pictures of the room, which is the MuJoCo scene seen from outside, with all bodies at the poses
+of a step.
+"""
 
 from math import radians, tan
 
@@ -28,10 +30,11 @@ MARGIN = 1.1
 
 
 class RoomView:
-    """Renderer of the room from outside, with all bodies at the poses of a step.
+    """Renderer of pictures, `width` by `height` [px], of a MuJoCo scene from outside, with all
+    bodies at the poses of a step. Its camera has a vertical field of view of 55 deg.
 
-    It holds OpenGL buffers: call `close`. Steps have no poses of lights: the lights are drawn with
-    the model's current values.
+    It holds OpenGL buffers: call `close` at the end. Steps have no poses of lights: lights are
+    drawn with the values that the model has when this object is made.
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
@@ -51,13 +54,16 @@ class RoomView:
         self._turned = np.stack([matrix_of(quaternion) for quaternion in model.geom_quat])
 
     def look(self, eye: Array, looks_at: Array) -> None:
-        """Move the view's camera to a point (3,), and turn it to another point (3,) [m, world]."""
+        """Move the camera of this view to the point `eye` (3,), and turn it, upright, to the point
+        `looks_at` (3,), both in the world [m].
+        """
         self._eye = eye
         self._looks_at = looks_at
 
     def fit(self, points: Array) -> None:
-        """Place the view's camera, with its default direction, so that all points (n, 3) [m, world]
-        are inside the picture: 1.1 times as far from their middle as necessary.
+        """Place the camera of this view so that all points (n, 3) [m, world] are inside the
+        picture. It looks in its default direction at the middle of their bounding box, from 1.1
+        times the least distance.
         """
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         back = np.subtract(EYE, LOOKS_AT)
@@ -68,9 +74,11 @@ class RoomView:
         self.look(middle + distance * back / np.linalg.norm(back), middle)
 
     def render(self, bodies: Array) -> Image:
-        """Return an RGB picture (H, W, 3) of the n bodies of the model, without the world body, at
-        their poses (n, 3, 4) in the world: rotation matrix and translation [m], as in
-        `World.bodies`.
+        """Return an RGB picture (H, W, 3) of the scene.
+
+        Args:
+            bodies: Poses (n, 3, 4) in the world of all n bodies of the model but the first, the
+                world itself: rotation matrix and translation [m] of each, as in `World.bodies`.
         """
         model = self._model
         data = self._data
@@ -91,7 +99,9 @@ class RoomView:
         self._renderer.close()
 
     def project(self, points: Array) -> Array:
-        """Project points (n, 3) of the world [m] into the picture, and return them (n, 2) [px]."""
+        """Return the pixels (n, 2) [px] of points (n, 3) of the world [m] in the picture of this
+        view.
+        """
         seen = (points - self._eye) @ _towards(self._eye, self._looks_at) @ VISION_FROM_MUJOCO
         return self._view.project(seen)
 

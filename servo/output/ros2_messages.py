@@ -27,7 +27,9 @@ ANNOTATIONS = {
 
 
 class Kind:
-    """A type of ROS 2 messages, such as "sensor_msgs/Image", with its definition and encoding."""
+    """A type of ROS 2 messages, such as "sensor_msgs/Image", with its definition and its encoding.
+    A new type is given by its `fields`: ROS types by name of the field.
+    """
 
     def __init__(self, name: str, fields: Mapping[str, str] | None = None) -> None:
         """Look up a message type of ROS 2 by its name; a type of our own is defined by its fields
@@ -44,11 +46,15 @@ class Kind:
 
     @property
     def definition(self) -> bytes:
-        """Definition of the type and of all types in its fields, in the format `ros2msg`."""
+        """Text of the definition of this type and of all types in its fields, in the format
+        `ros2msg`, as bytes.
+        """
         return self._store.generate_msgdef(self.name, ros_version=2)[0].encode()
 
     def encoded(self, **fields: Any) -> bytes:
-        """Return a message of this type with these fields, as bytes (CDR)."""
+        """Return a message of this type, with the given value for each of its fields, as bytes in
+        CDR.
+        """
         message = self._store.types[self.name](**fields)
         return bytes(self._store.serialize_cdr(message, self.name))
 
@@ -67,7 +73,9 @@ def _known() -> Any:
 
 
 def part(kind: str, **fields: object) -> object:
-    """Return a message of this type with these fields, for use as a field of another message."""
+    """Return a message object of a type, such as "geometry_msgs/Point32", with the given value for
+    each of its fields, for use as a field of another message.
+    """
     return _known().types[kind.replace("/", "/msg/")](**fields)
 
 

@@ -1,4 +1,6 @@
-"""The curves of a run, read from its table of steps, for plots, notebooks and pages."""
+"""The curves of a run over time, read from its table of steps, for plots, notebooks and web
+pages.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,8 +28,9 @@ per second.
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One plot of a run over time: its title, its vertical axis, and the values (n,) of each line
-    at the run's n frames.
+    """The data of one plot of a run over time: its title, the title of its vertical axis with the
+    unit, the values (n,) of each line at the run's n frames by name, and the limits of the vertical
+    axis (None: those of the values).
     """
 
     title: str
@@ -42,7 +45,9 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class RunCurves:
-    """The table of a run's steps, with names and units of its features, read by column."""
+    """The table of a run's steps, with names and units of its features, from which the data of
+    plots are read: `curves["time_s"]` is a column as an array (n,).
+    """
 
     table: pa.Table
     units: Mapping[str, str]
@@ -54,7 +59,9 @@ class RunCurves:
 
     @staticmethod
     def of(table: pa.Table, features: FeatureSet) -> "RunCurves":
-        """Return the curves of a run from its table of steps and its features."""
+        """Return the curves of a run from its table of steps (a row for each frame) and its image
+        features.
+        """
         units = dict(zip(features.names, features.units, strict=True))
         return RunCurves(table, units, features.feed_forward)
 
@@ -91,7 +98,9 @@ class RunCurves:
         return ~((self["fresh"] > 0) & locked)
 
     def distances(self) -> Panel:
-        """Return the plot of the distances of the true centre from goal and estimate [px]."""
+        """Return the plot of two distances [px]: of the target's true centre from the goal, and of
+        its estimated from its true centre.
+        """
         lines = {
             "true centre to goal": self["servo_error_px"],
             "estimated to true centre": self["tracking_error_px"],
@@ -100,7 +109,9 @@ class RunCurves:
         return Panel(title, "distance [px]", lines, low=0)
 
     def errors(self) -> Panel:
-        """Return the plot of the feature errors s - s*, each in the feature's unit."""
+        """Return the plot of all feature errors s - s* (current minus desired value), each in the
+        feature's unit.
+        """
         lines = {
             f"{name} [{unit}]": self["_".join(filter(None, ("error", name, ending(unit))))]
             for name, unit in self.units.items()
@@ -109,8 +120,10 @@ class RunCurves:
 
     def motion(self, feature: str) -> Panel:
         """Return the plot of the rate of change of a feature that the target's own motion causes,
-        in the feature's unit per second: measured, estimated and true; the true rate is nan in the
-        first frame. Outliers of the measured rate may lie outside the plot's limits.
+        in the feature's unit per second: measured, estimated and true.
+
+        The true rate is nan in the first frame. The limits of the plot show the middle 98 % of the
+        measured rate, so that its outliers may lie outside.
         """
         unit = self.units[feature]
         lines = {

@@ -1,4 +1,6 @@
-"""Writer of a run's folder: run.rrd, steps.parquet, report.json and two plots."""
+"""Writer of the folder of a run: run.rrd (Rerun recording), steps.parquet (a row for each step),
+report.json and two plots.
+"""
 
 import traceback
 from collections.abc import Iterable, Mapping
@@ -23,8 +25,12 @@ RECORDING = "run.rrd"
 
 
 def prepare(asked: Path | None, name: str) -> Path:
-    """Make a folder for a run and return it: the one asked for, which may exist if it is empty, or
-    runs/NAME, or the next free one of runs/NAME-2, runs/NAME-3, ...
+    """Make a folder for a run and return it.
+
+    Args:
+        asked: The folder that the user wants, which may exist if it is empty; None: runs/NAME, or
+            the next free one of runs/NAME-2, runs/NAME-3, ...
+        name: NAME of the folder.
 
     Raises:
         Mistake: The folder is not empty, cannot be written, or has a name that is not UTF-8.
@@ -42,8 +48,12 @@ def prepare(asked: Path | None, name: str) -> Path:
 
 
 def with_traceback(error: PartFailed, folder: Path) -> Mistake:
-    """Write the traceback of an exception in a component, such as a user's tracker, into the
-    folder, if the disk has room.
+    """Write the traceback of an exception in a component, such as a user's tracker, to
+    traceback.txt in a folder, if the disk has room.
+
+    Args:
+        error: The error of the component, with the exception as its cause.
+        folder: An existing folder.
 
     Returns:
         The error to raise: a new one, whose sentence names the file of the traceback, or `error`
@@ -60,8 +70,8 @@ def with_traceback(error: PartFailed, folder: Path) -> Mistake:
 
 
 def discard(folder: Path, others: Iterable[Path]) -> None:
-    """Delete the empty files of a run that ended before its first step, in its folder and at the
-    paths of its other outputs.
+    """Delete the files of a run that ended before its first step: its table and recording in its
+    folder, and the files `others`. Files that are missing are ignored.
     """
     for path in (*(folder / name for name in (STREAM, TABLE, RECORDING)), *others):
         path.unlink(missing_ok=True)
@@ -91,8 +101,8 @@ def _next_free(runs: Path, name: str) -> Path:
 
 
 class RunFolder:
-    """Writer of a run's files: a row of the table for each step as it comes; report and plots at
-    the end.
+    """Writer of the files of a run: a row of the table (steps.parquet) for each step as it comes,
+    and report and plots at the end.
 
     Rows have priority: their space on the disk is reserved, and they are written even if the
     recording no longer can be.
@@ -145,24 +155,26 @@ class RunFolder:
 
     @property
     def refused(self) -> Refused | None:
-        """Error of the first sink that failed, such as the recording; None if none has."""
+        """Error of the first output that failed besides the table, such as the recording; None if
+        none has.
+        """
         return self._sinks.refused
 
     def add(self, step: Step) -> None:
-        """Write a step into the table, and give it to the recording and the other sinks; the error
-        of a sink is kept in `refused`.
+        """Write a step as a row of the table, and give it to the recording and the other outputs.
+        An error of one of these is not raised: `refused` keeps it.
 
         Raises:
-            OSError: The rows cannot be written.
+            OSError: The row cannot be written.
         """
         self._table.add(step)
         self._sinks.add(step)
 
     def close(self) -> None:
-        """Finish steps.parquet, the recording and the other sinks.
+        """Finish steps.parquet, the recording and the other outputs.
 
         Raises:
-            Refused: The table cannot be written; the rows are in steps.arrows.
+            Refused: The table cannot be written; its rows are in steps.arrows.
         """
         with closing(self._sinks.close):
             try:
@@ -172,8 +184,13 @@ class RunFolder:
                 raise Refused(f"{self.folder / TABLE}: {error.strerror}; {kept}") from None
 
     def finish(self, report: Document) -> list[Path]:
-        """Write report.json and the two plots, and return the paths of all files of the run. Call
-        it after `close`.
+        """Write report.json, target_motion.png and errors.png; call it after `close`.
+
+        Args:
+            report: Contents of report.json.
+
+        Returns:
+            The paths of all files of the run.
 
         Raises:
             Refused: A file cannot be written; steps.parquet is complete.

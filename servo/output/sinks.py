@@ -1,5 +1,5 @@
-"""Receivers ("sinks") of each step of a run or each picture of a track: films, recordings, logs,
-viewers.
+"""Sinks: receivers of each step of a run or each picture of a track, such as films, recordings,
+logs and viewers.
 
 A sink that fails is ended, and the others go on.
 """
@@ -15,27 +15,33 @@ from servo.mistake import Refused
 
 
 class Sink(Protocol):
-    """Protocol of a receiver of each frame of a run or a track, in order."""
+    """Protocol of a receiver of all frames of a run or a track, in order: `add` is called with each
+    frame, then either `close`, or `abandon` after an error.
+    """
 
     @property
     def add(self) -> Callable[..., None]:
-        """The method that takes the next frame: a run's `Step`, or a track's `Shot` (picture and
-        estimate) with the true corners (None without them). It raises an OSError or `Refused` if
-        the frame cannot be written.
+        """Function that takes the next frame. Its arguments are a run's `Step`; or a track's `Shot`
+        (picture and estimate) and the target's true corners (4, 2) [px] (None: unknown). It raises
+        an OSError or `Refused` if the frame cannot be written.
         """
         ...
 
     def close(self) -> None:
-        """Finish the output; raise the errors of `add`."""
+        """Finish the output after the last frame; it may raise an OSError or `Refused`, as
+        `add`.
+        """
 
     def abandon(self) -> None:
-        """End the output after an error, without finishing it."""
+        """End the output after an error, without finishing it; what is written so far may stay."""
 
 
 class Sinks:
-    """Several sinks by name (the path of a file, or a word); each frame is given to all of them.
+    """Several sinks (receivers of frames) by name, which is the path of the file that a sink
+    writes, or a word. Each frame is given to all of them.
 
-    A sink that fails is abandoned, the others go on, and `refused` keeps the first error.
+    A sink that fails is abandoned, the others go on, and `refused` keeps the first error. An object
+    without sinks is false.
     """
 
     refused: Refused | None = None
@@ -46,8 +52,12 @@ class Sinks:
         self.paths = [name for name in sinks if isinstance(name, Path)]
 
     def begin(self, path: Path, make: Callable[[], Sink]) -> None:
-        """Add the sink that `make` returns and that writes the file at this path. An OSError of
-        `make` is not raised; `refused` keeps it if it is the first error of these sinks.
+        """Add a sink.
+
+        Args:
+            path: The file that the sink writes.
+            make: Function that returns the sink. Its OSError is not raised: no sink is added, and
+                `refused` keeps the error if it is the first.
         """
         try:
             self._sinks[path] = make()
@@ -60,20 +70,22 @@ class Sinks:
         return bool(self._sinks)
 
     def add(self, *given: object) -> None:
-        """Give a frame (a run's `Step`, or a track's `Shot` with the true corners) to each sink. A
+        """Give a frame to each sink: a run's `Step`, or a track's `Shot` and the true corners. A
         sink that raises an OSError or `Refused` is abandoned; `refused` keeps the first such error.
         """
         for name, sink in list(self._sinks.items()):
             self._guarded(name, lambda sink=sink: sink.add(*given))
 
     def close(self) -> None:
-        """Finish all sinks; the first OSError or `Refused` is kept in `refused`."""
+        """Finish all sinks. An OSError or `Refused` of a sink is not raised: `refused` keeps the
+        first one.
+        """
         with closing(*(partial(self._guarded, name, s.close) for name, s in self._sinks.items())):
             pass
 
     def end(self, reason: str) -> None:
-        """Abandon all sinks for this reason, such as "the disk is full"; `refused` keeps it unless
-        a sink failed before.
+        """Abandon all sinks for a reason, such as "the disk is full"; `refused` keeps it, unless a
+        sink failed before.
         """
         for name in list(self._sinks):
             self._end(name, reason)
@@ -97,15 +109,15 @@ class Sinks:
 
 
 class Timer:
-    """Timer for work that is repeated at a fixed period of the wall clock, such as flushes."""
+    """Timer for work that is repeated about every `seconds` of the wall clock, such as flushes."""
 
     def __init__(self, seconds: float = 1.0) -> None:
         self._seconds = seconds
         self._due = time.monotonic() + seconds
 
     def due(self) -> bool:
-        """Return whether the period since the last time it was over, or since the timer was made,
-        is over; if so, begin the next one.
+        """Return True, and start the next period, if the period is over that began when this method
+        last returned True (or when the timer was made); else return False.
         """
         now = time.monotonic()
         if now < self._due:
@@ -115,8 +127,8 @@ class Timer:
 
 
 class PacedSink:
-    """Sink that passes each frame on to another sink when it is due: in real time, or faster or
-    slower by a factor.
+    """Sink (receiver of frames) that passes each frame on to another sink when it is due: in real
+    time, or faster or slower by a factor.
     """
 
     def __init__(self, sink: Sink, speed: float, time_of: Callable[[Any], float]) -> None:
@@ -136,8 +148,8 @@ class PacedSink:
         self._began: float | None = None
 
     def add(self, *given: object) -> None:
-        """Wait until the frame is due (its time since the first frame, divided by the speed), and
-        pass it on.
+        """Wait until a frame is due, and pass it on to the other sink. It is due when its simulated
+        time since the first frame, divided by the speed, has passed on the wall clock.
         """
         due = self._time_of(given[0]) / self._speed
         now = time.monotonic()

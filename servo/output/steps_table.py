@@ -49,8 +49,8 @@ SPARE = 1 << 19
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """One quantity of the table, such as the camera twist: its columns, and a function that reads
-    their values from a step.
+    """One quantity in the table of a run's steps, such as the camera twist: its columns, their
+    names, and a function (`of`) that returns their values for a step, one for each column.
     """
 
     name: str
@@ -198,7 +198,7 @@ def quantities(
 
 
 def quantities_of(episode: Episode) -> list[Quantity]:
-    """Return the columns of the table of an episode's steps, grouped by quantity."""
+    """Return all columns of the table of an episode's steps, grouped by quantity."""
     return quantities(episode.loop.features, episode.world.robot.names, episode.world.robot.units)
 
 
@@ -208,12 +208,16 @@ def _schema(found: Sequence[Quantity]) -> pa.Schema:
 
 
 def table_of(steps: Sequence[Step], found: Sequence[Quantity]) -> pa.Table:
-    """Return the table with a row for each step; its columns are those of these quantities."""
+    """Return an Arrow table with a row for each step of a run; `found` are its columns, grouped by
+    quantity.
+    """
     return pa.Table.from_pylist([row_of(step, found) for step in steps], schema=_schema(found))
 
 
 def row_of(step: Step, found: Sequence[Quantity]) -> dict[str, object]:
-    """Return the values of a step by column name, for the columns of these quantities."""
+    """Return the values of a step by name of the column; `found` are the columns, grouped by
+    quantity.
+    """
     return {
         column: value
         for quantity in found
@@ -231,15 +235,15 @@ def _pose(pose: Pose) -> Array:
 
 
 def ending(unit: str) -> str:
-    """Return a unit as the ending of a column's name, such as "rad"; empty for "1", a number
-    without unit.
+    """Return the part of a column's name that states its unit: "rad" for "rad", and "" for "1", a
+    number without unit.
     """
     return "" if unit == "1" else unit
 
 
 def ending_of_rate(unit: str) -> str:
-    """Return the unit of a rate of change as the ending of a column's name: "rad_s" for "rad",
-    "per_s" for "1".
+    """Return the part of a column's name that states the unit of a rate of change of a quantity
+    with unit `unit`: "rad_s" for "rad", "per_s" for "1".
     """
     return "per_s" if unit == "1" else f"{unit}_s"
 
@@ -270,8 +274,8 @@ def _vector(
 
 
 class StepsTable:
-    """Writer of the steps of one run: into an Arrow stream as they come, and at the end into the
-    table steps.parquet.
+    """Writer of the table of one run's steps: into the Arrow stream steps.arrows as they come, and
+    at the end into steps.parquet.
     """
 
     def __init__(self, folder: Path, episode: Episode) -> None:
@@ -297,19 +301,20 @@ class StepsTable:
             os.posix_fallocate(self._file.fileno(), 0, size)
 
     def add(self, step: Step) -> None:
-        """Append a step as a row; rows are written to the disk once a second.
+        """Append a step as a row; rows are written to the disk about once a second of the wall
+        clock.
 
         Raises:
             ValueError: A value of the step has another length than its columns in the table.
-            OSError: The row cannot be written.
+            OSError: The rows cannot be written.
         """
         self._rows.append(row_of(step, self._quantities))
         if self._timer.due():
             self._flush()
 
     def close(self) -> None:
-        """Write the stream's rows as the table, and delete the stream; if the table cannot be
-        written, the stream stays.
+        """Write all rows to steps.parquet, and delete the stream steps.arrows, which stays if the
+        table cannot be written.
 
         Raises:
             OSError: The table cannot be written.

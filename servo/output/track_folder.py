@@ -1,5 +1,5 @@
-"""Writer of a track's files: rows as CSV and as Parquet, and optionally a recording and other
-outputs; and the contents of its report.
+"""Writer of the files of a track (a tracker's estimates for a sequence of pictures): rows as CSV
+and as Parquet, and optionally a recording and other outputs; and the contents of its report.
 """
 
 import shutil
@@ -33,9 +33,9 @@ SPARE = 1 << 18
 
 
 class TrackFolder:
-    """Writer of the files of one track: a row for each picture to track.csv, the same rows as
-    Parquet at the end, and other outputs such as a recording or a film. If another output fails,
-    the rows are still written.
+    """Writer of the files of one track: a row for each picture to track.csv, the same rows to
+    track.parquet at the end, and other outputs such as a recording or a film. If another output
+    fails, the rows are still written.
     """
 
     def __init__(
@@ -75,12 +75,18 @@ class TrackFolder:
 
     @property
     def refused(self) -> Refused | None:
-        """Error of the first sink that failed, such as a film; None if none has."""
+        """Error of the first output that failed besides the rows, such as a film; None if none
+        has.
+        """
         return self._sinks.refused
 
     def add(self, shot: Shot, truth: Array | None) -> None:
         """Write a tracked picture and its estimate. If less than 256 kB are free on the disk, all
-        outputs but the rows are ended. `truth` are the target's true corners (4, 2) [px], or None.
+        outputs but the rows are ended.
+
+        Args:
+            shot: The picture with its estimate.
+            truth: True corners (4, 2) of the target [px]; None: unknown.
 
         Raises:
             OSError: The row cannot be written.
@@ -93,10 +99,10 @@ class TrackFolder:
         self.seconds += time.monotonic() - began
 
     def close(self) -> None:
-        """Finish all files, and write the rows as Parquet.
+        """Finish all files, and write the rows of track.csv as track.parquet.
 
         Raises:
-            OSError: The last rows cannot be written.
+            OSError: The last rows, or track.parquet, cannot be written.
         """
         with closing(self._sinks.close):
             self._rows.close()
@@ -115,8 +121,9 @@ def _rows(file: Path) -> pa.Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackReport(Made):
-    """The file report.json of a track: source, tracker, numbers of lost and unsure frames, and
-    measures.
+    """The contents of the file report.json of a track: source of the pictures, kind and settings of
+    the tracker, numbers of frames with status LOST and UNSURE, and measures by name with their
+    units (none if the target's true outlines are unknown).
     """
 
     FILE: ClassVar[str] = "report.json"

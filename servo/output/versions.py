@@ -42,8 +42,9 @@ DIGITS = 12
 def versions() -> dict[str, str]:
     """Return the versions, by name, of all packages on which the results of a run depend.
 
-    Further entries are a digest of servobench's source, whether OpenGL is hidden ("pictures"), and
-    packages that add kinds of components by entry points.
+    Further entries are a digest of servobench's source ("servobench source"), how pictures are
+    rendered ("pictures": whether OpenGL is hidden), and packages that add kinds of components by
+    entry points.
     """
     pictures = "exact, without OpenGL" if gl.WITHOUT in os.environ else "as set"
     return {**_own(), RENDERING: pictures, **packages()}
@@ -67,7 +68,7 @@ def is_installed(name: str) -> bool:
 
 def clash() -> str:
     """Return a sentence that asks the user to uninstall all distributions of OpenCV and install one
-    of them; "" if at most one is installed.
+    of them, if more than one is installed; else "".
     """
     there = [name for name in OPENCV if is_installed(name)]
     if len(there) < 2:
@@ -80,8 +81,8 @@ def clash() -> str:
 
 @functools.cache
 def source_digest() -> str:
-    """Return a digest of servobench's installed source and models, 12 hexadecimal digits; it is
-    computed at the first call.
+    """Return a digest, 12 hexadecimal digits, of the installed source code, models and textures of
+    servobench; it is computed at the first call.
     """
     whole = hashlib.sha256()
     for package in PACKAGES:

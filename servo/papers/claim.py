@@ -1,5 +1,5 @@
-"""A claim of a paper, with the runs that test it, the rule by which they are judged, and the
-function that applies the rule.
+"""A claim of a paper, with the runs that test it, the rule by which their results are judged, and
+the function that applies the rule.
 """
 
 import re
@@ -28,8 +28,9 @@ SEED = re.compile(r"(?<=seeds from )\d+(?= on)|(?<=the first seed \()\d+(?=\))")
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """Options that decide which runs test each claim: a quick check or all runs, the first seed,
-    and a folder of real sequences.
+    """Options that decide which runs test each claim: whether they are a quick check of the code or
+    all runs, the folder of real sequences of pictures (None: none), and the first seed of every
+    claim (None: the seed that its rule names).
     """
 
     quick: bool
@@ -41,14 +42,11 @@ class Effort:
     """First seed of every claim; None: the seed that its rule names."""
 
     def seeds(self, full: int, first: int = FRESH) -> range:
-        """Return the seeds of a claim's runs.
+        """Return the seeds of a claim's runs: `full` consecutive ones, or only 100000 if `quick`.
 
         Args:
-            full: Number of seeds.
-            first: First seed, unless these options have another one.
-
-        Returns:
-            Consecutive seeds; in a quick run only the seed 100000.
+            full: Number of seeds, unless `quick`.
+            first: First seed, unless `self.first` or `quick` gives another one.
         """
         if self.quick:
             return range(QUICK, QUICK + 1)
@@ -57,21 +55,24 @@ class Effort:
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """Changes of a scenario, such as "run.duration=2", that follow those of its claim: a
-        shorter run if `quick`, else none.
+        """Changes of a scenario's settings, such as "run.duration=2.0", that are made after those
+        of a claim: they shorten the run if `quick`, else there are none.
         """
         return ("run.duration=2.0", "measure.after=1.0") if self.quick else ()
 
     @property
     def pictures(self) -> int | None:
-        """Return the number of pictures that are used of each painted sequence; None: all."""
+        """Return to how many first pictures each painted (synthetic) sequence is cut: 60 if
+        `quick`; None: it is not cut.
+        """
         return FEW if self.quick else None
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
     """The results of a claim's runs, from which the claim is judged: the records of the runs, the
-    options that decided which runs were made, and the folder with the runs' tracks.
+    options that decided which runs were made, and the study's folder, which has the trackers'
+    estimates.
     """
 
     records: list[Record]
@@ -82,14 +83,18 @@ class Evidence:
 
     @property
     def trackers(self) -> dict[str, list[Record]]:
-        """Return the records by label of the tracker, in the order of the jobs."""
+        """Return the records by label of the tracker; both labels and records are in the order of
+        the runs.
+        """
         return grouped_by(self.records, lambda record: record.settings[TRACKER])
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """The rule by which a claim is judged, in words, fixed before the first run: measure, settings,
-    sample, bound, test and condition.
+    """The rule by which a claim is judged, fixed before the first run. Each part is a text: what is
+    measured, settings of the compared methods, number and kind of the independent observations
+    (`units`), bound of the effect (`margin`), statistical test, and the condition under which the
+    claim holds.
     """
 
     measure: str
@@ -106,17 +111,17 @@ class Rule:
     """Condition under which the claim holds."""
 
     def on(self, first: int) -> "Rule":
-        """Return the same rule for runs whose seeds begin at `first`, which replaces the first seed
-        in the text `units`.
+        """Return the same rule for runs whose first seed is `first`: a copy with this number in
+        place of the first seed in the text `units`.
         """
         return replace(self, units=SEED.sub(str(first), self.units))
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The result of testing a claim: the finding, the effect with its 95 % interval and unit, the
-    number of independent units (`count`), the result in one sentence (`measured`), and a table and
-    a figure.
+    """The result of testing a claim: the finding (holds, does not hold or undecided), the effect
+    with its 95 % interval and unit, the number of independent observations (`count`), the result in
+    one sentence (`measured`), a table (its first row has the titles), and a figure (None: none).
     """
 
     finding: Finding
@@ -135,8 +140,9 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A claim of a paper: its statement, the rule of its verdict, and the functions that return its
-    runs and judge them.
+    """A claim of a paper: its short name, such as "P1-2", the paper's statement in one sentence
+    (`says`), the rule of its verdict, a function that returns the verdict on the results of its
+    runs (`judge`), and a function that returns the runs.
     """
 
     name: str
@@ -151,8 +157,11 @@ class Claim:
 
 
 def every(findings: Iterable[Finding]) -> Finding:
-    """Return the finding about a claim with several parts, given the finding of each part: it holds
-    if all parts hold, does not hold if one part does not, and is undecided otherwise.
+    """Return the finding about a claim with several parts: it holds if all parts hold, does not
+    hold if one part does not, and is undecided otherwise.
+
+    Args:
+        findings: The finding of each part, at least one.
     """
     order = [Finding.HOLDS, Finding.UNDECIDED, Finding.DOES_NOT_HOLD]
     return max(findings, key=order.index)

@@ -42,7 +42,10 @@ TITLES = ("claim", "rule", "effect", "95 % interval", "units", "verdict", "figur
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A claim with its rule and its verdict, in the form of the file papers.json."""
+    """A claim with its rule and its verdict, as the file papers.json has them: effect and the ends
+    of its 95 % interval (None: unknown) in `unit`, number of independent observations, result in
+    one sentence, table, and paths of figures relative to the file's folder.
+    """
 
     says: str
     rule: Rule
@@ -78,8 +81,11 @@ class Judged:
         )
 
     def row(self, name: str) -> str:
-        """Return the claim's line in a Markdown table with the columns claim, rule, effect, 95 %
-        interval, units, verdict and figure; `name` is the claim's name.
+        """Return the claim as a line of a Markdown table with the columns claim, rule, effect, 95 %
+        interval, units (independent observations), verdict and figure.
+
+        Args:
+            name: The claim's name, such as "P1-2".
         """
         effect, low, high = (
             "-" if value is None else f"{value:.3g}" for value in (self.effect, self.low, self.high)
@@ -99,7 +105,7 @@ class Judged:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PapersReport(Made):
     """The contents of the file papers.json: the verdicts of `servobench papers` on the claims that
-    it tested, by name.
+    it tested, by name of the claim, and the options that decided the runs.
     """
 
     FILE: ClassVar[str] = "papers.json"
@@ -118,8 +124,13 @@ WITHOUT_POWER = frozenset({"P0-4", "P0-7", "P0-8"})
 
 
 def marked(name: str, finding: str) -> str:
-    """Return the text of a claim's finding, with a note in brackets if the finding follows from the
-    design of the test and not from its results.
+    """Return the text of a claim's finding, such as "holds", with a note in brackets if it says
+    little: "by construction" if nearly any method would keep the claim, "power" if there are too
+    few observations to decide it.
+
+    Args:
+        name: The claim's name, such as "P1-2".
+        finding: Text of the finding.
     """
     notes = {
         WORDS[Finding.HOLDS]: (BY_CONSTRUCTION, "by construction"),
@@ -134,20 +145,25 @@ Found = dict[str, tuple[str, str]]
 
 
 def found_in(verdicts: dict[str, Verdict]) -> Found:
-    """Return two texts for each verdict, its finding and its effect, by name of the claim."""
+    """Return the texts of finding and effect, such as "holds" and "2.1 px (1.9 to 2.4)", of each
+    verdict, by name of the claim.
+    """
     return {name: (WORDS[v.finding], words(v.effect, v.unit)) for name, v in verdicts.items()}
 
 
 def known() -> Found:
-    """Return two texts for each claim, finding and effect in the last full run (verdicts.json), by
-    name of the claim.
+    """Return the texts of finding and effect of each claim in the last full run, by name of the
+    claim, from servobench's own file verdicts.json.
     """
     return json.loads((resources.files("servo.papers") / VERDICTS).read_text())
 
 
 def broken(found: Found, before: Found) -> list[str]:
-    """Return a sentence for each claim whose finding in `found` differs from that in `before`, the
-    last full run; claims that `before` does not have are left out.
+    """Return a sentence for each claim whose finding differs between two runs.
+
+    Args:
+        found: Texts of finding and effect in the new run, by name of the claim.
+        before: The same texts in the last full run; claims that are missing here are not compared.
     """
     return [
         f"{name}: {', '.join(new)}; it was: {', '.join(before[name])}"

@@ -1,4 +1,6 @@
-"""Compares all estimators of the target's motion in closed loops: four motions, at 30 and 5 Hz."""
+"""Compares all estimators of the target's motion in closed loops: four motions of the target, at 30
+and at 5 Hz.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,8 +35,9 @@ TESTED = tuple(name for name in ESTIMATORS.names() if name != "integral")
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A motion of the target at a frame rate: the scenario with its changes, the measure of the
-    servo error in it, and the largest allowed value of this measure [px] for some estimators.
+    """A motion of the target at a frame rate: its scenario and the changes of this, the compared
+    measure of the servo error (rms or peak), and the largest allowed mean of this measure [px], by
+    kind of the estimator ("best": of the best one).
     """
 
     motion: str
@@ -47,7 +50,7 @@ class Case:
 
     @property
     def title(self) -> str:
-        """Return motion and measure as text, such as "sine rms"."""
+        """Return motion and kind of the measure as text, such as "sine rms" or "reversal peak"."""
         return f"{self.motion} {'peak' if self.measure == PEAK else 'rms'}"
 
 

@@ -36,13 +36,13 @@ from tracking.trackers import KINDS as TRACKERS
 def contender(
     kind: str, preset: str | None = None, label: str | None = None, **settings: float | str
 ) -> Contender:
-    """Return the settings of a tracker, some of them changed, with the label under which tables
-    show it; no tracker is built.
+    """Return a tracker's settings, with the label under which tables show it; no tracker is built.
 
     Args:
         kind: Kind of the tracker.
-        preset: Name of a preset that gives the settings that are not changed.
-        label: Name of the tracker in tables; None: KIND or KIND-PRESET.
+        preset: Name of a preset that gives the settings that are not in `settings`; None: the
+            defaults.
+        label: Label of the tracker; None: KIND, or KIND-PRESET with a preset.
         **settings: Changed settings.
     """
     config = TRACKERS.config(kind, preset, **settings)
@@ -51,20 +51,24 @@ def contender(
 
 @dataclass(frozen=True, slots=True)
 class CachedPainting(Generated):
-    """A kind of painted sequence with its settings. `build` keeps the pictures of the sequence that
-    it returned last, since painting takes longer than tracking.
+    """A kind of painted (synthetic) sequence with its settings. The pictures of the sequence that
+    `build` returned last are kept in memory, because painting takes longer than tracking.
     """
 
     pictures: int | None = None
     """Number of first pictures to which the sequence is cut; None: all."""
 
     def describe(self) -> Table:
-        """Return kind and settings of the painted sequence, and to how many pictures it is cut."""
+        """Return kind and settings of the painted sequence by the keys "kind" and "settings", and,
+        if it is cut, its number of pictures by "pictures".
+        """
         few = {} if self.pictures is None else {"pictures": self.pictures}
         return Generated.describe(self) | few
 
     def build(self, seed: int) -> Painting:
-        """Return the sequence of a seed; all trackers that follow it share its pictures."""
+        """Return the painted sequence of a seed. Calls with the same seed, one after the other,
+        return the same sequence, whose pictures are painted only once.
+        """
         return _painted(self.kind, self.config, seed, self.pictures)
 
 
@@ -86,8 +90,9 @@ def _painted(kind: str, config: object, seed: int, pictures: int | None) -> Pain
 
 
 def generated(kind: str, **settings: float | str) -> Generated:
-    """Return the description of a painted (synthetic) sequence of a kind, with changed settings;
-    its `build(seed)` gives another sequence for each seed, and keeps the pictures of the last one.
+    """Return a kind of painted (synthetic) sequence of pictures, with some settings changed from
+    its defaults. Its `build(seed)` returns another sequence for each seed, and keeps the pictures
+    of the last one in memory.
     """
     return CachedPainting(kind, GENERATORS.config(kind, **settings))
 
@@ -98,13 +103,14 @@ def sequence_jobs(
     seeds: Iterable[int],
     pictures: int | None = None,
 ) -> list[Job]:
-    """Return a job for each tracker, sequence and seed; jobs on one sequence are consecutive.
+    """Return a job for each sequence of pictures, seed and tracker; all trackers of one sequence
+    and seed are consecutive.
 
     Args:
         trackers: Trackers with their settings.
-        entries: Kinds of painted sequences, or recorded sequences.
-        seeds: Seeds of the painted sequences.
-        pictures: Number of first pictures to which painted sequences are cut; None: all.
+        entries: Kinds of painted (synthetic) sequences, or recorded sequences.
+        seeds: Seeds of the trackers and of the painted sequences.
+        pictures: Number of first pictures to which sequences of `generated` are cut; None: all.
     """
     cut = [replace(e, pictures=pictures) if isinstance(e, CachedPainting) else e for e in entries]
     return [
@@ -122,10 +128,11 @@ def sequence_jobs(
 
 
 def states_found(folder: Path, run: Record) -> Array:
-    """Return the states (frames, 4) that a tracker found in a run: x, y [px], theta [rad], scale.
+    """Return the states (frames, 4) of the target that a tracker estimated in a run: x, y [px],
+    theta [rad], scale (1: as in the first picture).
 
     Args:
-        folder: Folder of the study, with the tracks of its runs.
+        folder: Folder of the study, which has a file of estimates for each run.
         run: Record of the run.
     """
     track = f"{run.settings[TRACKER]}/{run.settings['family']}-{run.seed}.csv"
@@ -167,11 +174,12 @@ REGISTERED = {
 
 @cache  # several claims are tested on the same draws
 def varied(scenario: str, seed: int) -> tuple[str, ...]:
-    """Return drawn settings of a run as changes, such as "start.x=4.2000".
+    """Return random settings of a run as changes, such as "start.x=4.2000"; the same scenario and
+    seed give the same ones.
 
-    Drawn are the camera's start, the car's heading and speed, and, in the scenario `reversal`, the
-    distance between reversals, in others the car's start. If the car would drive through a toy on
-    the table, all are drawn again.
+    They are the camera's start, the car's heading and speed, and the distance between reversals in
+    the scenario `reversal`, or the car's start in others. If the car would touch a toy on the
+    table, all are drawn again.
     """
     rng = np.random.default_rng([seed, *b"vary"])
     while True:
@@ -181,14 +189,16 @@ def varied(scenario: str, seed: int) -> tuple[str, ...]:
 
 
 def registered(scenario: str) -> str:
-    """Return the change of settings, as for --set, that gives a scenario the table [vary] that it
-    had when the rules of the claims were fixed.
+    """Return the change of settings, as for the option --set, that gives a scenario the random
+    distributions (its table [vary]) that it had when the rules of the claims were fixed.
     """
     return f"vary={{ {REGISTERED[scenario]} }}"
 
 
 def is_clear(scenario: Scenario) -> bool:
-    """Return whether the car of a scenario passes all toys on the table without contact."""
+    """Return True if the car of a scenario passes all toys on the table without contact during the
+    run, by its clearance rectangle every 0.05 s.
+    """
     places, radii = _toys()
     motion = scenario.motion.build(stream(scenario.run.seed, "motion"))
     for time in np.arange(0.0, scenario.run.duration, INTERVAL):
@@ -232,9 +242,8 @@ def _drawn(scenario: str, rng: np.random.Generator) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class EstimatedLoop:
-    """A scenario in the closed loop as the subject of a job. The series of its record are the times
-    [s], the servo error [px], and the target's estimated and true velocity [m/s], as rate of the
-    feature yn.
+    """A scenario, with changes as for --set, whose runs in the closed loop record the servo error
+    [px] and the target's estimated and true velocity [m/s] over time.
     """
 
     name: str
@@ -243,13 +252,16 @@ class EstimatedLoop:
     """Changes of the scenario, as with --set."""
 
     def describe(self) -> dict[str, object]:
-        """Return the scenario and its changes, which decide the results."""
+        """Return the name of the scenario and its changes, by the keys "scenario" and "changes"."""
         return {"scenario": self.name, "changes": list(self.changes)}
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the scenario with the job's seed, and return its record with series of time [s],
-        servo error [px], and the rate of the feature yn that the target's own motion causes,
-        estimated and true [m/s]. No file is written into `folder`.
+        """Run the scenario with the job's seed, and return its record. No file is written into
+        `folder`.
+
+        The series of the record are "time_s" [s], "servo_error_px" [px], and "motion_estimated" and
+        "motion_true": the rate [m/s] of the feature yn that the target's own motion causes,
+        estimated and true.
         """
         scenario = scenarios.load(self.name, self.changes, job.seed)
         steps = [step.light() for step in run(scenario)]
@@ -266,15 +278,17 @@ class EstimatedLoop:
 def loop_job(
     scenario: str, estimator: str, seed: int, changes: Sequence[str], **settings: str
 ) -> Job:
-    """Return the run of a scenario with an estimator, as a job; the scenario's table [vary] is that
-    of the time when the claims' rules were fixed (`registered`).
+    """Return the run of a scenario in the closed loop with an estimator of the target's motion, as
+    a job. The random distributions of the scenario are those at the time when the claims' rules
+    were fixed (`registered`).
 
     Args:
         scenario: Name of the scenario.
         estimator: Kind of the estimator.
         seed: Seed of the run.
         changes: Changes of settings, such as "camera.rate=5.0".
-        **settings: Labels that distinguish this run from others of the same scenario and estimator.
+        **settings: Labels that distinguish this run from others of the same scenario and estimator,
+            such as rate="5Hz"; the record has them too.
     """
     name = "-".join([*settings.values(), scenario, estimator, str(seed)]).replace(" ", "")
     changes = (registered(scenario), f"estimator.kind={estimator}", *changes)

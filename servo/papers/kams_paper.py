@@ -60,7 +60,9 @@ FEW_LAYERS = 3
 
 
 def clutter(level: str) -> Generated:
-    """Return the painted (synthetic) sequences in clutter of one level, from "a" to "h"."""
+    """Return the painted (synthetic) sequences in clutter of one level, from "a" to "h"; each seed
+    gives another sequence.
+    """
     return generated("clutter", level=level)
 
 
@@ -231,11 +233,12 @@ def needed(shares: Array) -> Array:
     in the logarithm of the number.
 
     Args:
-        shares: Share of completed sequences, 0 to 1, for 12, 25, 50, 100, 200 and 400 particles,
-            and for each of n samples of the sequences (6, n).
+        shares: Shares of completed sequences, 0 to 1, with 12, 25, 50, 100, 200 and 400 particles,
+            for each of n samples of the sequences (6, n).
 
     Returns:
-        Numbers of particles (n,); 800 if no share is large enough.
+        Number of particles for each sample (n,): 12 if the first share is large enough, 800 if none
+        is.
     """
     logs = np.log2([*COUNTS, 2 * COUNTS[-1]])
     grown = np.vstack([np.maximum.accumulate(shares), np.full(shares.shape[1], 1.0)])
@@ -320,16 +323,16 @@ KAMS: kams.Config = published("kams").config
 
 
 def distances(seed: int, climb: int) -> Array:
-    """Run KAMS on a sequence, and return the mean distance of a particle from its nearest neighbour
-    in the image.
+    """Run the tracker KAMS on a painted sequence in clutter, and return the mean distance of a
+    particle from its nearest neighbour in the image.
 
     Args:
         seed: Seed of the sequence and the particles.
         climb: Most steps of mean shift (the climb) in each layer of annealing; 0: no climb.
 
     Returns:
-        Mean distances before and after the climb of each layer (2, layers) [px], over all pictures
-        from the seventh on.
+        Mean distances before and after the climb of each layer, the broadest layer first (2,
+        layers) [px], over all pictures from the seventh on.
     """
     sequence = clutter(LEVEL_LAYERS).build(seed)
     pictures = [p.image for p in sequence.source if p.image is not None]
@@ -378,13 +381,14 @@ def _judge_layers(evidence: Evidence) -> Verdict:
 
 def judged(before: Array, after: Array, still: Array) -> Verdict:
     """Return the verdict on the claim that mean shift (the climb) contracts the particles, from
-    their mean distances to their nearest neighbours.
+    their mean distances to their nearest neighbours. It holds if the mean ratios of `after` to
+    `before` and to `still` are below 1, with their 95 % intervals, in every layer of annealing.
 
     Args:
         before: Distances before the climb of each layer, the broadest layer first (sequences,
             layers) [px].
         after: Distances after the climb of each layer, in the same order [px].
-        still: Distances after each layer of runs without climb, in the same order [px].
+        still: Distances after each layer in runs without climb, in the same order [px].
     """
     over_before = [ratio(a, b) for a, b in zip(after.T, before.T, strict=True)]
     over_still = [ratio(a, b) for a, b in zip(after.T, still.T, strict=True)]

@@ -253,13 +253,14 @@ MODELS = {ONE: contender("kernel_pf", "paper"), NINE: contender("mk_pf", "paper"
 
 def surfaces(seed: int) -> dict[str, Array]:
     """Return distances between histograms, 0 (equal) to 1, of the target at its true state and at
-    37 states turned by -90 to 90 degrees times 33 states moved by -40 to 40 px to the right.
+    displaced states in the first picture of a painted `similarity` sequence.
 
     Args:
-        seed: Seed of the sequence, whose first picture is used.
+        seed: Seed of the sequence.
 
     Returns:
-        Distances (37, 33) by name of the model: one kernel, or nine kernels.
+        Distances (37, 33) by name of the model, "one kernel" or "nine kernels": rows are states
+        turned by -90 to 90 degrees, columns are states moved by -40 to 40 px to the right.
     """
     sequence = SIMILARITY.build(seed)
     image = next(iter(sequence.source)).image
@@ -285,11 +286,12 @@ def _judge_surface(evidence: Evidence) -> Verdict:
 
 def judged(found: dict[str, Array]) -> Verdict:
     """Return the verdict on the claim P1-3 that the histogram distance rises faster with rotation
-    for nine kernels than for one.
+    for nine kernels than for one. It holds if the slope from 0 to 15 degrees is more than 2 times
+    as large, with the 95 % interval of this ratio.
 
     Args:
-        found: Histogram distances (sequences, angles, shifts) by name of the model: one kernel, or
-            nine kernels.
+        found: Histogram distances (sequences, angles, shifts), as `surfaces` returns them for one
+            sequence, by name of the model: "one kernel" and "nine kernels".
     """
     slopes = {name: _slopes(surface) for name, surface in found.items()}
     times = ratio(slopes[NINE], slopes[ONE])

@@ -47,8 +47,9 @@ BACK_PX = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """Frame rate, control law and time limits of a test in the closed loop: those of the paper, or
-    servobench's own.
+    """Frame rate, control law and time limits of a test in the closed loop, those of the paper or
+    servobench's own: changes of a scenario's settings, the time from which errors count by scenario
+    (`after`) [s], and the longest time to recover after a reversal of the target (`within`) [s].
     """
 
     ending: str
@@ -91,16 +92,16 @@ def loop_jobs(
     first: int,
     effort: Effort,
 ) -> list[Job]:
-    """Return the runs of several estimators of the target's motion on a scenario; with one seed all
-    estimators have the same drawn settings.
+    """Return the runs of several estimators of the target's motion in a scenario. With the same
+    seed all estimators have the same random settings (`varied`).
 
     Args:
-        scenario: Name of the scenario.
-        laws: Kind of each estimator, and changes of the scenario for its runs.
-        changes: Changes of the scenario for all runs.
+        scenario: Name of the scenario, "line" or "reversal".
+        laws: For each estimator, its kind, and changes of the scenario's settings for its runs.
+        changes: Changes of the scenario's settings for all runs, such as "camera.rate=5.0".
         rate: Label that distinguishes these runs from others of the same estimators.
-        first: First seed.
-        effort: Options such as a quick run, which decide the seeds.
+        first: First seed, unless `effort` gives another one.
+        effort: Options, such as a quick check, which decide the seeds.
     """
     return [
         loop_job(
@@ -195,8 +196,8 @@ def _agreement(runs: list[Record]) -> Array:
 
 
 def agreement(estimated: Array, true: Array) -> float:
-    """Return the share, from 0 to 1, of the frames with a true speed above 0.02 m/s in which
-    estimated and true velocity have the same sign.
+    """Return the share, from 0 to 1, of frames in which estimated and true velocity have the same
+    sign, among the frames with a true speed above 0.02 m/s; nan if there is none.
 
     Args:
         estimated: Velocities (frames,) [m/s].
@@ -232,12 +233,13 @@ def _away(runs: list[Record]) -> Array:
 
 
 def longest_away(time: Array, error: Array) -> float:
-    """Return the longest time [s] from a frame with an error below 4 px to the last frame before
-    the error is below 4 px again; the time of the last frame, if the error is never below 4 px.
+    """Return the longest time [s] for which an error is not below 4 px, after it was below for the
+    first time: from the last frame below to the last frame before it is below again. If it is never
+    below 4 px, return the time of the last frame.
 
     Args:
         time: Times of the frames (n,) [s].
-        error: Distances from the goal (n,) [px].
+        error: Distances of the target from its goal in the image (n,) [px].
     """
     settled = int(np.argmax(error < BACK_PX))
     longest = begin = 0.0
@@ -258,8 +260,8 @@ MEAN = "95 % interval of the mean"
 
 
 def units(scenario: str, first: int = FIRST) -> str:
-    """Return a text for a claim's rule that names the independent units of its test: runs of a
-    scenario with drawn settings, with seeds from `first` on.
+    """Return a text that names the independent observations of a claim's test, for its rule: runs
+    of a scenario with random settings, with seeds from `first` on.
     """
     return (
         f"{SEEDS} runs of {scenario} with drawn start, heading, speed and reversals, clear of "
@@ -318,8 +320,9 @@ def _three(conditions: Conditions) -> tuple[Claim, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """An estimator of the target's motion that is compared with the Kalman filter, and the settings
-    of both.
+    """An estimator of the target's motion that is compared with the Kalman filter: its kind, and
+    changes of the scenario's settings for its runs (`settings`) and for those of the filter
+    (`own`).
     """
 
     estimator: str

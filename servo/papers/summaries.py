@@ -1,4 +1,6 @@
-"""Summaries of a claim's runs: means, differences and ratios with 95 % intervals, and figures."""
+"""Summaries of the runs that test a claim: means, differences and ratios with 95 % intervals, and
+figures.
+"""
 
 from collections.abc import Mapping, Sequence
 from itertools import cycle
@@ -21,68 +23,72 @@ Logarithmic = Literal["x", "y"] | None
 
 
 def group(records: Sequence[Record], **settings: object) -> list[Record]:
-    """Return the records whose settings have all given values, such as tracker="kams-published"."""
+    """Return the records of runs whose settings have all the given values, such as
+    tracker="kams-published", in their order.
+    """
     return [r for r in records if all(r.settings[k] == value for k, value in settings.items())]
 
 
 def column(records: Sequence[Record], measure: str) -> Array:
-    """Return a measure of each record (n,), in the measure's unit; nan for a record without a
-    value.
+    """Return the value of a measure in each record (n,), in the measure's unit; nan if a record has
+    no value.
     """
     return np.array([r.measures[measure] for r in records])
 
 
 def done(records: Sequence[Record]) -> str:
-    """Return a text such as "3 of 4": the number of sequences on which the target was never lost,
-    and the number of all.
+    """Return a text such as "3 of 4": the number of runs in which the target was never lost, and
+    the number of all runs.
     """
     return f"{int(column(records, 'completed').sum())} of {len(records)}"
 
 
 def reads(records: Sequence[Record]) -> str:
-    """Return as text the mean number of histograms that a tracker computes in each frame."""
+    """Return the mean number of histograms that a tracker computes in each frame, over records of
+    runs, as a text without decimals.
+    """
     return f"{column(records, 'evaluations').mean():.0f}"
 
 
 def difference(first: Sequence[Record], second: Sequence[Record], measure: str) -> Interval:
-    """Return the mean difference of a measure, `first` less `second`, with its 95 % interval, over
-    pairs of runs: the i-th runs of both lists are a pair.
+    """Return the mean of the differences of a measure between paired runs, `first` minus `second`,
+    with its 95 % interval, in the measure's unit. The i-th records of both lists are a pair.
     """
     return mean_of(column(first, measure) - column(second, measure))
 
 
 def completed(records: Sequence[Record]) -> Interval:
-    """Return the share of sequences on which the target was never lost [%], with its 95 %
+    """Return the share of runs on sequences in which the target was never lost [%], with its 95 %
     interval.
     """
     return in_percent(mean_of(column(records, "completed"), least=0.0, most=1.0))
 
 
 def completed_more(first: Sequence[Record], second: Sequence[Record]) -> Interval:
-    """Return the difference of the shares of sequences on which the target was never lost, `first`
-    less `second`, on the same sequences [%], with its 95 % interval.
+    """Return the difference of the shares of runs in which the target was never lost, `first` minus
+    `second` [%], with its 95 % interval. The i-th records of both lists are of the same sequence.
     """
     return in_percent(difference_of_shares(column(first, "completed"), column(second, "completed")))
 
 
 def mean_percent(shares: Array) -> Interval:
     """Return the mean [%], with its 95 % interval, of shares (n,) from 0 to 1, one for each
-    independent unit.
+    independent observation.
     """
     return mean_of(100 * shares, least=0.0, most=100.0)
 
 
 def ratio(first: Array, second: Array) -> Interval:
-    """Return the geometric mean of the ratios of paired values (n,), `first` over `second`, with
-    its 95 % interval.
+    """Return the geometric mean of the ratios of paired positive values (n,), `first` over
+    `second`, with its 95 % interval.
     """
     log = mean_of(np.log(first / second))
     return Interval(*np.exp([log.value, log.low, log.high]).tolist())
 
 
 def words(interval: Interval, unit: str = "") -> str:
-    """Return an interval as text: "2.1 px (1.9 to 2.4)", or only the mean, "2.1 px", if the
-    interval is unknown.
+    """Return a value and its 95 % interval as text, with three significant digits: "2.1 px (1.9 to
+    2.4)", or only the value, "2.1 px", if the interval is unknown.
     """
     value = f"{interval.value:.3g} {unit}".rstrip()
     if not interval.known:
@@ -91,14 +97,21 @@ def words(interval: Interval, unit: str = "") -> str:
 
 
 def mean(records: Sequence[Record], measure: str, unit: str = "") -> str:
-    """Return the mean of a measure over records, with its 95 % interval if known, as text such as
-    "2.1 px (1.9 to 2.4)"; `unit` is printed, and should be that of the measure.
+    """Return the mean of a measure over records, with its 95 % interval if it is known, as text
+    such as "2.1 px (1.9 to 2.4)".
+
+    Args:
+        records: Records of runs.
+        measure: Name of the measure.
+        unit: Unit of the measure, which is printed after the mean.
     """
     return words(mean_of(column(records, measure)), unit)
 
 
 def panels(rows: int, columns: int = 1, width: float = 7.0) -> tuple[Figure, list[Axes]]:
-    """Return a figure of a width [inch] and its axes, row by row from the top."""
+    """Return a Matplotlib figure, `width` inches wide, and its rows * columns axes, row by row from
+    the top.
+    """
     return figures.panels(width, 0.8 + 2.3 * rows, rows, columns)
 
 
@@ -137,9 +150,14 @@ def lines(
 def dots(
     title: str, y: str, groups: Mapping[str, Array], logarithmic: Logarithmic = None
 ) -> Figure:
-    """Return a figure with the values (n,) of each group, such as one value for each sequence, as a
-    column of dots above the group's label; `logarithmic` is the axis with a logarithmic scale, "x"
-    or "y".
+    """Return a figure with one column of dots for each group of values (n,), such as one value for
+    each sequence.
+
+    Args:
+        title: Title of the figure.
+        y: Label of the y axis.
+        groups: Values of each group, by the label below its column.
+        logarithmic: Axis with a logarithmic scale, "x" or "y"; None: neither.
     """
     figure, (axes,) = panels(1, width=9.0)
     for i, values in enumerate(groups.values()):
@@ -152,7 +170,14 @@ def dots(
 
 
 def intervals(title: str, x: str, groups: Mapping[str, Interval]) -> Figure:
-    """Return a figure of means with 95 % intervals, each in a row with its label."""
+    """Return a figure with one row for each value and its 95 % interval, drawn as a dot with a
+    horizontal bar.
+
+    Args:
+        title: Title of the figure.
+        x: Label of the x axis.
+        groups: Value and interval, by the label of its row.
+    """
     figure, (axes,) = figures.panels(7.0, 1.0 + ROW_HEIGHT * len(groups))
     values, ends = bars(list(groups.values()))
     axes.errorbar(values, range(len(groups)), xerr=ends, fmt="o", capsize=3, color=COLOURS[1])
@@ -163,7 +188,9 @@ def intervals(title: str, x: str, groups: Mapping[str, Interval]) -> Figure:
 
 
 def bars(found: Sequence[Interval]) -> tuple[Array, Array]:
-    """Return the values of intervals (n,), and the lengths of error bars below and above (2, n)."""
+    """Return the values of n intervals (n,), and the lengths of their error bars below and above
+    the value (2, n), as Matplotlib's `errorbar` takes them.
+    """
     values = np.array([i.value for i in found])
     ends = np.array([(i.low, i.high) for i in found]).T
     return values, np.abs(ends - values)

@@ -99,17 +99,18 @@ def _judge_likeness(evidence: Evidence) -> Verdict:
 
 
 def coefficients(tracker: Contender, seed: int, track: Array) -> dict[str, Array]:
-    """Return Bhattacharyya coefficients between the target's histogram in the first picture and
-    histograms in the other pictures of a sequence.
+    """Return Bhattacharyya coefficients (1: equal) between the target's histogram in the first
+    picture of a painted `texture` sequence and histograms in its other pictures.
 
     Args:
-        tracker: The tracker whose histogram is used.
-        seed: Seed of the `texture` sequence.
+        tracker: The tracker whose kind of histogram is used.
+        seed: Seed of the sequence.
         track: States that the tracker found (frames, 4): x, y [px], theta [rad], scale.
 
     Returns:
-        Coefficients (frames - 1,), from 0 to 1, by the place where the histogram was taken: at the
-        filter's estimate, at the truth, and 5, 10 and 20 px to the right of the truth.
+        Coefficients (frames - 1,), from 0 to 1, by the place where the histogram was taken: "at the
+        filter's estimate" (`track`), "at the truth", and "5 px beside the truth" (to its right),
+        and so with 10 and 20 px.
     """
     sequence = TEXTURE.build(seed)
     used = islice(sequence.source, len(track))
@@ -140,7 +141,8 @@ def _logarithmic(states: Array) -> Array:
 def judged(rho: dict[str, Array]) -> Verdict:
     """Return the verdict on the claim P2-2: at the particle filter's estimate the Bhattacharyya
     coefficient (0 to 1; 1: equal histograms) is at least 0.9 times that at the true state, in more
-    than 90 % of the frames.
+    than 90 % of the frames. It holds if the 95 % interval of the mean share over sequences is above
+    90 %.
 
     Args:
         rho: Coefficients (sequences, frames - 1) by the place where the histogram was taken:

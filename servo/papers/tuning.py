@@ -1,7 +1,8 @@
-"""Finds each tracker's best settings on a grid, on painted sequences with seeds below 1000.
+"""Finds each tracker's best settings on a grid, on painted (synthetic) sequences with seeds below
+1000.
 
-All grids have equal size. `servobench papers tuning-clutter` and the like run them; tuning.json has
-their results.
+All grids have equal size. `servobench papers tuning-clutter`, `tuning-similarity` and
+`tuning-texture` run them; tuning.json has their results.
 """
 
 from collections.abc import Sequence
@@ -47,8 +48,8 @@ class Family:
 
 @dataclass(frozen=True, slots=True)
 class Tuned:
-    """A tracker that is tuned: the family of sequences on which it is tuned, its kind, its fixed
-    settings, and the grid of settings that are tried.
+    """A tracker that is tuned: the name of the sequences on which it is tuned (`family`), its kind,
+    the settings that all tries share (`fixed`), and the settings of each try (`grid`).
     """
 
     family: str
@@ -61,8 +62,8 @@ class Tuned:
     """Settings of each try."""
 
     def contender(self, name: str, settings: Settings, ending: str) -> Contender:
-        """Return this tracker with the paper's preset, its fixed settings and some more, and with
-        the label NAME-ENDING in tables.
+        """Return this tracker with the preset of its paper, changed by its fixed settings and then
+        by `settings`; its label in tables is NAME-ENDING.
         """
         return contender(self.kind, "paper", f"{name}-{ending}", **self.fixed | settings)
 
@@ -122,8 +123,8 @@ other settings of theirs are tried."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningFile(Document):
-    """The contents of the file tuning.json: the score (mean of a measure over the runs) of each of
-    the settings that were tried, by tracker.
+    """The contents of the file tuning.json: for each tuned tracker, pairs of settings that were
+    tried and their score, which is the mean of a measure over the runs.
     """
 
     FILE: ClassVar[str] = "tuning.json"
@@ -133,7 +134,9 @@ class TuningFile(Document):
     """Settings with the mean of the family's measure, by tracker."""
 
     def best(self, name: str) -> Settings:
-        """Return the settings of a tracker with the best score; the first of equal ones."""
+        """Return the tried settings of a tracker, such as "kams", that have the best score; of
+        equal ones the first.
+        """
         sign = FAMILIES[TUNED[name].family].sign
         settings = max(self.scores[name], key=lambda one: sign * one[1])[0]
         return {k: type(TUNED[name].grid[0][k])(v) for k, v in settings.items()}
@@ -141,16 +144,16 @@ class TuningFile(Document):
 
 @cache
 def stored() -> TuningFile:
-    """Return the scores of all settings that were tried for each tuned tracker, from servobench's
-    own file tuning.json.
+    """Return the contents of servobench's own file tuning.json: the scores of all settings that
+    were tried for each tuned tracker.
     """
     with resources.as_file(resources.files("servo.papers") / TuningFile.FILE) as path:
         return TuningFile.read(path)
 
 
 def published(name: str) -> Contender:
-    """Return a tuned tracker by its name, such as "kams", with the settings of its paper and the
-    label NAME-published.
+    """Return the tracker that is tuned under a name, such as "kams", with the settings of its
+    paper; its label is NAME-published.
     """
     return contender(TUNED[name].kind, "paper", f"{name}-published", **AS_PUBLISHED.get(name, {}))
 
@@ -167,8 +170,8 @@ AS_PUBLISHED: dict[str, Settings] = {
 
 
 def tuned(name: str) -> Contender:
-    """Return a tuned tracker by its name, such as "kams", with its best settings in tuning.json and
-    the label NAME-tuned.
+    """Return the tracker that is tuned under a name, such as "kams", with its best settings in
+    tuning.json; its label is NAME-tuned.
     """
     return TUNED[name].contender(name, stored().best(name), "tuned")
 

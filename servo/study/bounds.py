@@ -1,6 +1,4 @@
-"""Bounds on the measures of runs. A measure that is missing or infinite exceeds every upper
-bound.
-"""
+"""Bounds on the measures of runs. A measure that is nan or infinite exceeds every upper bound."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,8 +21,8 @@ UNDECIDED = "No verdict: some drawn seeds may end otherwise (expect.drawn.succes
 
 @dataclass(frozen=True, slots=True)
 class MissedBound:
-    """A bound that a run did not keep: the measure's name, its value and the bound. As text it is a
-    sentence.
+    """A bound that a run did not keep: the measure's name (or "outcome"), the run's value (None if
+    it is not finite) and the bound, in the measure's unit. `str` returns a sentence.
     """
 
     name: str
@@ -43,9 +41,9 @@ class MissedBound:
 
 
 def unjudged(scenario: Scenario, success: bool) -> str:
-    """Return a sentence if bounds exist but give this run no verdict: they are for another tracker,
-    or the run did not end as expected and only a share of seeds must. Otherwise return "", also
-    without bounds.
+    """Return a sentence if a scenario has bounds that give this run no verdict: they are for
+    another tracker, or the run did not end as expected and, by expect.drawn.success_rate, only a
+    share of the seeds must. Otherwise, and for a scenario without bounds, return "".
 
     Args:
         scenario: The scenario of the run.
@@ -60,14 +58,15 @@ def missed_bounds(
     expect: Mapping[str, float | str],
     as_written: Mapping[str, object] | None = None,
 ) -> tuple[MissedBound, ...]:
-    """Return the bounds that a run does not keep; a measure that is nan or infinite keeps none.
+    """Return the bounds that a run does not keep; a measure that is nan or infinite exceeds every
+    bound.
 
     Args:
         outcome: Name of the run's outcome.
-        measures: The run's measures by name.
-        expect: Upper bounds by measure, and the expected `outcome`.
-        as_written: The bounds without [expect.drawn], so that bounds for drawn seeds can be marked;
-            None: `expect`.
+        measures: The run's measures by name; all names in `expect` except "outcome" are among them.
+        expect: Upper bounds by measure, and the expected "outcome".
+        as_written: The scenario's bounds without those in [expect.drawn]: a missed bound that
+            differs from them is marked as `drawn`. None: no bound is marked.
     """
     found: list[MissedBound] = []
     written = expect if as_written is None else as_written
@@ -82,12 +81,13 @@ def missed_bounds(
 
 
 def missed_lines(missed: Sequence[MissedBound], measures: Mapping[str, float | None]) -> list[str]:
-    """Return a sentence for each missed bound, and one sentence for all measures that are missing
-    because the run was too short.
+    """Return a sentence for each missed bound; if the run ended before the time from which on
+    errors count (measure.after), one sentence names all measures that have no value for this
+    reason.
 
     Args:
-        missed: The missed bounds.
-        measures: All measures of the run by name.
+        missed: The bounds that the run did not keep.
+        measures: All measures of the run by name; None or nan: no value.
     """
     is_short = all((value := measures.get(name)) is None or np.isnan(value) for name in COUNTED)
     short = [
@@ -103,8 +103,9 @@ def missed_lines(missed: Sequence[MissedBound], measures: Mapping[str, float | N
 
 @dataclass(frozen=True, slots=True)
 class DrawnShare:
-    """Number of runs with drawn settings that ended with the expected outcome, and the share that
-    should. As text it is a sentence.
+    """How many (`ended`) of a scenario's `seeds` runs with drawn settings ended with the expected
+    outcome, and the least share of them that should (`success_rate`, 0 to 1). `str` returns a
+    sentence.
     """
 
     scenario: str
@@ -118,13 +119,13 @@ class DrawnShare:
 
     @property
     def missed(self) -> bool:
-        """Return True if fewer runs than required, `least`, ended with the expected outcome."""
+        """Return True if fewer than `least` runs ended with the expected outcome."""
         return self.ended < self.least
 
     @property
     def least(self) -> int:
-        """Return the least number of runs that should end as expected, rounded down: with a success
-        rate of 0.9, nine of ten runs and none of one.
+        """Return the least number of runs that should end as expected: the success rate times the
+        number of runs, rounded down. With a rate of 0.9 it is nine of ten runs, and none of one.
         """
         return int(self.success_rate * self.seeds)
 
@@ -138,10 +139,11 @@ class DrawnShare:
     @staticmethod
     def of(runs: Sequence[tuple[Scenario, bool]]) -> "DrawnShare | None":
         """Return how many of a scenario's runs with drawn settings ended as expected; None if no
-        run is of a scenario with drawn settings and `expect.drawn.success_rate`.
+        run has drawn settings, or the scenario sets no expect.drawn.success_rate.
 
         Args:
-            runs: The scenario of each run, and whether the run ended as expected.
+            runs: For each run, its scenario (as loaded for its seed), and whether the run ended as
+                expected.
         """
         counted = [(s.success_rate, success) for s, success in runs if s.success_rate is not None]
         if not counted:
@@ -152,7 +154,7 @@ class DrawnShare:
 
 def doubts_of(scenario: Scenario) -> list[str]:
     """Return a sentence for each bound of a scenario that no run can keep, or that every run keeps;
-    bounds for all trackers are checked.
+    the bounds for its own tracker and for all others are checked.
     """
     others = scenario.bounds.others.items()
     tables = {"expect": scenario.bounds.expect} | {f"expect.tracker.{k}": b for k, b in others}
@@ -164,12 +166,14 @@ def doubts_of(scenario: Scenario) -> list[str]:
 
 
 def doubtful_bounds(bounds: Mapping[str, object], setup: Setup, place: str = "expect") -> list[str]:
-    """Return a sentence for each bound that no run can keep, or that every run keeps.
+    """Return a sentence for each bound that no run can keep, or that every run keeps, such as 200
+    deg.
 
     Args:
-        bounds: Upper bounds by measure, and the expected `outcome`.
+        bounds: Upper bounds by measure, in the measure's unit; other keys, such as "outcome", are
+            skipped.
         setup: Settings of the runs.
-        place: Name of the bounds' table, for the sentences.
+        place: Name of the bounds' table, which begins the sentences.
     """
     found = list[str]()
     for key, bound in bounds.items():
@@ -224,14 +228,15 @@ def missed_by_cells(
     cells: Iterable[tuple[Mapping[str, object], Sequence[Mapping[str, Any]]]],
     expect: Mapping[str, float],
 ) -> list[str]:
-    """Return a sentence for each bound and combination of axis values whose runs do not keep the
-    bound.
+    """Return a sentence for each bound that the runs with one combination of axis values do not
+    keep.
 
     An upper bound is on the mean over these runs; it is also missed if a run has no finite value.
 
     Args:
-        cells: The axis values, and the rows of the runs with these values.
-        expect: Upper bounds by measure, and the least `success_rate`.
+        cells: For each combination: the axis values, and its rows in a table of results (values by
+            column).
+        expect: Upper bounds by measure, and the least "success_rate" (0 to 1).
     """
     sentences: list[str] = []
     for settings, rows in cells:

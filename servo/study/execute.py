@@ -23,8 +23,8 @@ TRYING = 15.0
 
 
 class Workers(ExitStack):
-    """The worker processes that do tasks, as a context manager; they start with the first task and
-    end with the block.
+    """Context manager of the worker processes that do tasks; they start with the first task and end
+    with the block. With one worker, tasks are done in this process.
     """
 
     def __init__(self, count: int = 1, scheduler: str | None = None) -> None:
@@ -52,15 +52,17 @@ class Workers(ExitStack):
     def do(
         self, tasks: Iterable[Task], work: Callable[[Task], Done]
     ) -> Iterator[tuple[Task, Done | Failure]]:
-        """Do tasks in parallel; yield each as it ends, with its result or the error that it raised.
+        """Do tasks; yield each with its result, or with the failure if it raised an exception, in
+        the order in which they end. One worker does them in this process, one after the other;
+        several do them in parallel.
 
         Args:
             tasks: Arguments of `work`, in the order in which they begin.
-            work: Function of one task; it and the tasks are sent to other processes.
+            work: Function of one task; several workers get it and the tasks by pickle.
 
         Raises:
             ClusterLost: The cluster has stopped working.
-            Mistake: No scheduler with workers answers at the address.
+            Mistake: No Dask scheduler with workers answers at the given address.
             Refused: The processes cannot be started.
         """
         if self.scheduler is None and self.count == 1:
@@ -84,16 +86,18 @@ class Workers(ExitStack):
 def execute(
     jobs: Iterable[Job], workers: Workers, folder: Path = Path()
 ) -> Iterator[tuple[Job, Record | Failure]]:
-    """Run jobs; yield each as it ends, with its record or the reason of its failure.
+    """Run jobs; yield each, in the order in which they end, with the record of its results or with
+    its failure.
 
     Args:
         jobs: The jobs, in the order in which they begin.
-        workers: The processes that run them.
-        folder: Folder into which jobs may write files of their own.
+        workers: The worker processes that run them.
+        folder: Folder into which jobs may write files of their own; by default the working
+            directory.
 
     Raises:
-        ClusterLost: The cluster has stopped working.
-        Mistake: No scheduler with workers answers at the address.
+        ClusterLost: The Dask cluster has stopped working.
+        Mistake: No Dask scheduler with workers answers at the address of `workers`.
         Refused: The processes cannot be started.
     """
     return workers.do(jobs, partial(_run, folder=folder))
@@ -108,16 +112,17 @@ def _run(job: Job, folder: Path) -> Record:
 
 
 def tried(jobs: Sequence[Job]) -> tuple[float, list[tuple[Job, Failure]]]:
-    """Run up to five jobs, evenly spaced among all (the first one twice), in this process to
-    measure their time; their records are dropped. No other job is begun after 15 s, or after one
-    that fails.
+    """Measure the time of a job: run up to five jobs, evenly spaced in the list, in this process,
+    the first of them twice. Their records are dropped. No job begins once 15 s are spent, or after
+    a job that failed.
 
     Args:
         jobs: All jobs, at least one.
 
     Returns:
-        Mean time of a job [s], and a list with the job that failed and its failure, empty if none
-        did. The very first run compiles code, so its time counts only if no other run was made.
+        Mean time of a job [s], and a list with the failed job and its failure, empty if none
+        failed. The time of the very first run, which compiles code, counts only if it is the only
+        one.
     """
     some = jobs[:: -(-len(jobs) // TRIED)]
     spent: list[float] = []
@@ -136,15 +141,21 @@ def tried(jobs: Sequence[Job]) -> tuple[float, list[tuple[Job, Failure]]]:
 def complete(
     jobs: Iterable[Job], store: Store, workers: Workers
 ) -> Iterator[tuple[Job, Record | Failure]]:
-    """Run the jobs that have no record in a study's folder, and store each record or failure there.
+    """Run the jobs that have no record yet in a study's folder, and store each record or failure
+    there.
+
+    Args:
+        jobs: The jobs; those whose key is in `store.done` are skipped.
+        store: The study's folder, open for writing.
+        workers: The worker processes that run the jobs.
 
     Yields:
-        Each job as it ends, with its record or the reason of its failure.
+        Each job that was run, when it ends, with its record or its failure.
 
     Raises:
-        ClusterLost: The cluster has stopped working.
-        Mistake: A worker has other versions of packages, the database is damaged, or no scheduler
-            with workers answers at the address.
+        ClusterLost: The Dask cluster has stopped working.
+        Mistake: A worker has other versions of packages, the database is damaged, or no Dask
+            scheduler with workers answers at the address.
         Refused: The disk is full, the memory was full in a job, or the processes cannot be started.
     """
     missing = (job for job in jobs if job.key not in store.done)
@@ -157,10 +168,10 @@ def complete(
 
 
 def check_number(runs: int) -> None:
-    """Check that the records of a number of runs fit into memory.
+    """Check that a command makes at most 100,000 runs, whose records fit into memory.
 
     Raises:
-        Mistake: There are more than 100,000 runs.
+        Mistake: `runs`, the number of runs, is larger.
     """
     if runs > MOST_RUNS:
         raise Mistake(

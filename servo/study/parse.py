@@ -43,7 +43,10 @@ SEEDS = 3
 
 
 class StudyTable(BaseModel):
-    """The keys of a study's TOML file with their types, as pydantic checks them."""
+    """The keys of a study's TOML file and their types, which pydantic checks: scenarios, settings
+    of all runs (`set`), axes and drawn settings (`axes`, `named`), number or list of seeds, the
+    compared axis, and bounds on mean measures.
+    """
 
     model_config = STRICT
     scenario: str | Annotated[list[str], MinLen(1)]
@@ -70,17 +73,18 @@ def load(
     seeds: int | None = None,
     trackers: dict[str, dict[str, Value]] | None = None,
 ) -> Study:
-    """Load a study by its shipped name or from a TOML file.
+    """Load a study that is shipped with servobench, or that is described by a TOML file: a study's
+    own, or a scenario's with a table [sweep].
 
     Args:
-        name: Name of the study, or path of its file.
+        name: Name of a shipped study, or path of a TOML file.
         changes: Settings of all runs, such as "run.duration=5", as for --set.
-        seeds: Number of seeds, counted from 0, in place of the file's; None: the file's.
-        trackers: Settings of trackers by label, which are compared in place of all axes of the
-            file; None: the file's axes.
+        seeds: Number of seeds, counted from 0, in place of those in the file; None: the file's.
+        trackers: Settings of trackers by label (see `tracker_tables`), which become the only axis
+            in place of all axes of the file; None: the file's axes.
 
     Raises:
-        Mistake: The file or a change is wrong, in one sentence.
+        Mistake: The file, a setting in it or a change is wrong, or there are too many runs.
     """
     path = path_of(name, "study")
     table, place = read(str(path))
@@ -101,18 +105,19 @@ def load(
 
 
 def parsed(table: Table, changes: Sequence[str], path: Path, place: str, title: str) -> Study:
-    """Check the table of a study, whose keys are those of `StudyTable`, and return the study.
+    """Check the table of a study, whose keys are those of `StudyTable`, and return the study. The
+    settings of its runs are checked too: each value of each axis, and the first 2000 combinations.
 
     Args:
         table: The table, as read from TOML.
         changes: Settings of all runs, such as "run.duration=5", as for --set.
         path: The study's file, which need not exist: its stem is the study's name, and names of
             files in the table are looked up beside it first.
-        place: The table's place, which begins messages.
+        place: Name of the file, which begins messages.
         title: A sentence that describes the study.
 
     Raises:
-        Mistake: The table or a change is wrong, in one sentence.
+        Mistake: The table or a change is wrong, or there are more than a million runs.
     """
     bases = _bases(validated(StudyTable, table, f"{place}: ").scenario, path, place)
     table = found_beside(table, path.parent, *(base.table for base in bases))

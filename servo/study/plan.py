@@ -1,6 +1,7 @@
 """A study as a value: its scenarios, axes, drawn settings and seeds, and the list of its runs.
 
-An axis is a setting with a list of values; a drawn setting has a random distribution.
+An axis is a setting with a list of values, all of which are run; a drawn setting gets a random
+value for each seed.
 """
 
 import itertools
@@ -41,8 +42,9 @@ MOST_VALUES = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """A setting that a study varies, and its values; or a name of the table [named], with the names
-    of its groups of settings as values. The study runs each value.
+    """One axis of a study: the name of a setting, such as "tracker.kind", and the values with which
+    the study runs it. It may also be the name of a table in [named], with the names of its groups
+    of settings as values.
     """
 
     key: str
@@ -52,8 +54,10 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """A study: scenarios that are run with all combinations of axis values, for several seeds, with
-    some settings drawn at random for each seed.
+    """A study: scenarios (`bases`) that are run with all combinations of the values of some
+    settings (`axes`), for several seeds, with other settings (`draws`) drawn at random for each
+    seed. `compare` is the axis whose values are compared with each other, `expect` has bounds on
+    mean measures by name.
     """
 
     name: str
@@ -77,33 +81,39 @@ class Study:
 
     @property
     def every_axis(self) -> tuple[Axis, ...]:
-        """Return all axes; the first is that of scenarios if there are several scenarios."""
+        """Return all axes of the study; if it has several scenarios, the first one is the axis
+        "scenario", with the scenarios' names as values.
+        """
         several = Axis(SCENARIO, tuple(b.name for b in self.bases))
         return (several, *self.axes) if len(self.bases) > 1 else self.axes
 
     @property
     def keys(self) -> list[str]:
-        """Return the names of all axes, such as "tracker.kind"; "scenario" is first if there are
-        several scenarios.
+        """Return the names of all axes, such as "tracker.kind"; the first is "scenario" if the
+        study has several scenarios.
         """
         return [axis.key for axis in self.every_axis]
 
     @property
     def size(self) -> int:
-        """Return the number of runs."""
+        """Return the number of runs of the study: all combinations of axis values, each with all
+        seeds.
+        """
         cells = int(np.prod([len(a.values) for a in self.every_axis], dtype=object))
         return cells * len(self.seeds)
 
     def cells(self) -> Iterator[tuple[StudiedScenario, dict[str, Value]]]:
-        """Yield every combination of axis values, by name of the axis, with its scenario."""
+        """Yield every combination of axis values (a cell): its scenario, and the values by name of
+        the axis. These include the scenario's name, by "scenario", if the study has several.
+        """
         for base in self.bases:
             named = {SCENARIO: base.name} if len(self.bases) > 1 else {}
             for values in itertools.product(*(a.values for a in self.axes)):
                 yield base, named | dict(zip((a.key for a in self.axes), values, strict=True))
 
     def jobs(self) -> Iterator[Job]:
-        """Yield all runs in their order: all seeds of the first combination of axis values, then
-        those of the next.
+        """Yield all runs of the study as jobs, numbered from 0: all seeds of the first combination
+        of axis values, then all seeds of the next one.
         """
         numbers = itertools.count()
         for base, cell in self.cells():
@@ -112,8 +122,10 @@ class Study:
                 yield self._job(next(numbers), base, seed, settings)
 
     def samples(self) -> Iterator[Job]:
-        """Yield runs for checking only: each value of each axis and each end of a distribution
-        occurs in one of them, with the first values of all other axes and distributions.
+        """Yield jobs with which the settings can be checked before the study is run, all with
+        number 0 and the first seed. For each scenario, every value of an axis, and every value in
+        `Draw.ends` of a drawn setting, occurs in at least one job; all other settings of that job
+        have their first value.
         """
         varied = {a.key: a.values for a in self.axes} | {d.key: d.ends for d in self.draws}
         first = {key: values[0] for key, values in varied.items()}
@@ -137,13 +149,18 @@ class Study:
 def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...]]:
     """Return the axes and the drawn settings in a study's table [axes].
 
-    A list of values, `{ linspace = [first, last, count] }` (or `geomspace`) or, for a key that ends
-    in "kind", "*" makes an axis; a distribution such as `{ uniform = [a, b] }` makes a drawn
-    setting. "*" is all kinds; of trackers, those that follow any target by pictures alone, without
-    a program or model of the user.
+    A list of values, `{ linspace = [first, last, count] }`, `{ geomspace = [first, last, count] }`
+    or "*" makes an axis; a distribution such as `{ uniform = [a, b] }` makes a drawn setting. "*"
+    is allowed for keys that end in ".kind", and means all kinds; for "tracker.kind" it means those
+    that can follow any target by pictures and the camera's motion alone, and need no program or
+    model file of the user.
+
+    Args:
+        table: The table [axes], as read from TOML.
+        place: The study's file, which begins messages.
 
     Raises:
-        Mistake: A setting or its values are wrong; the message begins with `place`.
+        Mistake: A setting cannot be varied, or its values are wrong.
     """
     axes: list[Axis] = []
     draws: list[Draw] = []
@@ -184,8 +201,13 @@ def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:
     """Return the groups of settings in a study's table [named], as {axis: {group: {key: value}}}
     with dotted keys, such as "tracker.kind".
 
+    Args:
+        table: The table [named], as read from TOML.
+        place: The study's file, which begins messages.
+
     Raises:
-        Mistake: The name of an axis or a setting is wrong; the message begins with `place`.
+        Mistake: An axis has the name of a section or a setting, or a group has a setting that a
+            study cannot vary.
     """
     found: Named = {}
     for axis, groups in table.items():
@@ -202,12 +224,15 @@ def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:
 
 
 def check_key(key: str, at: str) -> None:
-    """Check that a study can vary a setting or set it for all runs, which is not possible for
-    `scenario`, the table [run] as a whole, run.seed, and tables such as [expect]. `at`, the
-    setting's place in the study, begins the message.
+    """Check that a study may vary a setting, or set it for all runs. `scenario`, "run" as a whole,
+    "run.seed", and settings in [expect] and [sweep] are not allowed.
+
+    Args:
+        key: The setting, such as "run.latency".
+        at: Place of the setting in the study, which begins the message.
 
     Raises:
-        Mistake: The setting cannot be varied; the message says what to write instead.
+        Mistake: The setting is not allowed; the message says what to write instead.
     """
     section = key.split(".")[0]
     remedy = ELSEWHERE.get(key) or (ELSEWHERE[section] if section in ("expect", "sweep") else None)

@@ -46,8 +46,10 @@ UNIT = "sequence"
 
 @dataclass(frozen=True, slots=True)
 class Rank:
-    """The results of one tracker over all of its runs: its mean measures, its mean on each sequence
-    (`families`), and McNemar's test of it against the best tracker, with its p value.
+    """The results of one tracker over all of its runs: its mean measures by name, its mean area
+    under the success curve by name of the sequence (`families`; None without a value), and
+    McNemar's test of it against the best tracker (None for the best), with the p value after Holm's
+    correction.
     """
 
     tracker: str
@@ -66,13 +68,19 @@ class Rank:
 
     @property
     def units(self) -> int:
-        """Return the number of sequences over which the ranking's mean is taken."""
+        """Return the number of sequences over which the mean area under the success curve is taken;
+        0 if no run has a value.
+        """
         return self.means[RANKS].units if RANKS in self.means else 0
 
 
 def ranked(records: Sequence[Record]) -> list[Rank]:
     """Return the results of each tracker, ordered by the mean area under the success curve over
     sequences, the best first.
+
+    Args:
+        records: Records of runs of trackers on sequences, each with the tracker's label in its
+            settings.
     """
     by_label = grouped_by(records, lambda record: str(record.settings[TRACKER]))
     labels = sorted(by_label, key=lambda label: -_mean(by_label[label]))
@@ -91,14 +99,15 @@ def ranked(records: Sequence[Record]) -> list[Rank]:
 
 
 def compare(first: Sequence[Record], second: Sequence[Record], measure: str = DECIDES) -> McNemar:
-    """Compare two trackers by McNemar's test on the sequences that both have followed.
+    """Compare two trackers by McNemar's test on the sequences on which both have a value; the
+    higher value wins.
 
     Args:
-        first: Runs of the first tracker.
+        first: Runs of the first tracker on sequences.
         second: Runs of the second tracker.
         measure: Name of a measure of which more is better, by default the number of frames until
             the target is lost. A recording counts once, with the mean over its seeds, a painted
-            sequence once for each seed; runs without a value are left out.
+            (synthetic) sequence once for each seed; runs without a finite value are left out.
     """
     a = _scores(first, measure)
     b = _scores(second, measure)
@@ -107,16 +116,17 @@ def compare(first: Sequence[Record], second: Sequence[Record], measure: str = DE
 
 
 def values(records: Sequence[Record], measure: str) -> Array:
-    """Return the mean of a measure on each sequence (n,), in the measure's unit, over the seeds
-    with a finite value; sequences without one are left out. Of a painted sequence each seed is a
-    sequence of its own.
+    """Return the values (n,) of a measure on n sequences, in the measure's unit. The value on a
+    recording is the mean over its seeds; of a painted (synthetic) sequence each seed counts as a
+    sequence of its own. Sequences without a finite value are left out.
     """
     return np.array(list(_scores(records, measure).values()), dtype=float)
 
 
 def table_csv(ranks: Sequence[Rank]) -> str:
-    """Return the ranking as a CSV text with a line for each tracker: runs, means with the ends of
-    their 95 % intervals, and the test against the best.
+    """Return a CSV text with a line for each tracker, in the order of `ranks`: number of runs, mean
+    of each measure over sequences with the ends of its 95 % interval, and z and corrected p value
+    of McNemar's test against the best tracker.
     """
     names = [m.name for m in MEASURES]
     head = [TRACKER, "runs", "unit", *titles(names), "z_against_best", "p_holm"]

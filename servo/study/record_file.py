@@ -1,4 +1,6 @@
-"""Converts records of runs to texts and bytes for the database, and to tables for users."""
+"""Converts records (the results of runs) to texts and bytes for the database, and to tables for
+users.
+"""
 
 import io
 import json
@@ -24,7 +26,8 @@ MISSED = pa.list_(pa.struct([(name, pa.string()) for name in ("name", "found", "
 
 def stored(record: Record) -> tuple[str, bytes, bytes | None]:
     """Return a run's record for the database: its values as JSON, its series over time as an NPZ
-    file, and its contact sheet as JPEG, or None without one.
+    file, and its contact sheet (an image with pictures of the run) as JPEG; None in place of the
+    last if the record has none.
     """
     text = json.dumps(as_json(replace(record, series={}, sheet=None)))
     series = io.BytesIO()
@@ -34,8 +37,10 @@ def stored(record: Record) -> tuple[str, bytes, bytes | None]:
 
 
 def record_of(text: str, series: bytes | None, sheet: bytes | None) -> Record:
-    """Return the record whose JSON, NPZ file and JPEG `stored` returned; a series or contact sheet
-    that is None is left out.
+    """Return the record of a run from what `stored` returned for it: JSON, NPZ file and JPEG.
+
+    Measures that are not finite, and the wall-clock time, become nan. Without the NPZ file (None)
+    the record has no series over time, and without the JPEG no picture.
     """
     found = json.loads(text)
     measures = found["measures"].items()
@@ -47,8 +52,9 @@ def record_of(text: str, series: bytes | None, sheet: bytes | None) -> Record:
 
 
 def series_table(records: Sequence[Record]) -> pa.Table:
-    """Return a table with a row for each run: the run's number, its values over time as lists, and
-    its contact sheet (an image with pictures of the run) as JPEG.
+    """Return an Arrow table with a row for each run: the run's number, each of its series over time
+    as a list, and its contact sheet (an image with pictures of the run) as JPEG; null where a
+    record has none.
     """
     names = dict.fromkeys(name for record in records for name in record.series)
     lists = {name: pa.array([record.series.get(name) for record in records]) for name in names}
@@ -57,12 +63,13 @@ def series_table(records: Sequence[Record]) -> pa.Table:
 
 
 def table_of(batches: Iterable[Sequence[Record]]) -> pa.Table:
-    """Return the table of a study's results, with a row for each run: settings, outcome, measures
-    and versions. A setting whose values have several types is a column of texts.
+    """Return the Arrow table of a study's results, with a row for each run: number, scenario or
+    sequence, seed, settings, outcome, measures and versions. A setting whose values have several
+    types becomes a column of texts.
 
     Args:
-        batches: Records in the order of the study, at least one, in batches: a hundred thousand
-            records at once would take much more memory than their table.
+        batches: Records in the order of the study, at least one, in lists: the conversion of all
+            records at once would take much more memory than the table.
     """
     settings: list[Table] = []
     tables: list[pa.Table] = []
@@ -100,8 +107,8 @@ def _types(record: Record) -> dict[str, pa.DataType]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TableRow(Mapping[str, Any]):
-    """A row of an Arrow table as a mapping from column to value, with None in place of nan. All
-    rows share the columns, to save memory.
+    """A row of an Arrow table as a read-only mapping from column to value, with None in place of
+    nan. `place` is the row's index; all rows share the converted columns, to save memory.
     """
 
     table: pa.Table
@@ -130,15 +137,15 @@ def _column(table: pa.Table, name: str) -> Sequence[Any]:
 
 
 def rows_of(table: pa.Table) -> list[Row]:
-    """Return the rows of a table of results, as mappings from column to value; nan is returned as
-    None.
+    """Return the rows of an Arrow table of results as read-only mappings from column to value, with
+    None in place of nan.
     """
     column = cache(partial(_column, table))  # each column is converted when it is first used
     return [TableRow(table, column, place) for place in range(table.num_rows)]
 
 
 def parquet(table: pa.Table) -> bytes:
-    """Return a table as the content of a Parquet file with checksums."""
+    """Return an Arrow table as the bytes of a Parquet file, whose pages have checksums."""
     sink = pa.BufferOutputStream()
     pq.write_table(table, sink, write_page_checksum=True)
     return sink.getvalue().to_pybytes()

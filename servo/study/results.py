@@ -1,8 +1,8 @@
 """The results of a study: means with 95 % intervals, and paired comparisons of axis values.
 
 A cell is one combination of axis values. A unit is an independent observation: a scenario if the
-study has several, else a seed, which has the same drawn settings in all cells. If seeds change
-nothing, all runs of a cell together are one observation.
+rows are of several scenarios, else a seed, which has the same drawn settings in all cells. If seeds
+change nothing but computing times, all runs together are one observation.
 """
 
 from collections.abc import Collection, Iterable, Sequence
@@ -46,8 +46,9 @@ _Held = dict[Any, dict[tuple[object, ...], bool]]
 
 @dataclass(frozen=True, slots=True)
 class Units:
-    """The result rows of a study's runs, grouped by unit: by independent observation, such as a
-    seed or a scenario.
+    """The rows of a table of a study's results, grouped by unit (independent observation): by
+    scenario, by seed, or all in one group. `name` is "scenario", "draw" (a seed with drawn
+    settings), "seed" or "run" (one group).
     """
 
     name: str
@@ -58,14 +59,16 @@ class Units:
 
     @staticmethod
     def of(rows: Sequence[Row], keys: Collection[str], drawn: bool, apart: str = "") -> "Units":
-        """Group the result rows of a study's runs by unit (independent observation).
+        """Group the result rows of a study's runs by unit (independent observation): by scenario if
+        there are several; else by seed, or all together if no setting is drawn and seeds change
+        nothing but computing times.
 
         Args:
-            rows: Rows of runs.
+            rows: Rows of runs: values by column.
             keys: Names of the study's axes.
             drawn: Whether the study has drawn settings.
-            apart: Axis whose values are compared; if it is "scenario", the runs are grouped by
-                seed, or all together.
+            apart: Axis whose values are compared, "" for none; "scenario" prevents grouping by
+                scenario.
         """
         if apart != SCENARIO and len({row.get(SCENARIO) for row in rows}) > 1:
             return Units("scenario", _by(rows, [SCENARIO]))
@@ -77,10 +80,10 @@ class Units:
 
     def mean(self, name: str) -> Interval | None:
         """Return the mean of a measure over the units (independent observations), with its 95 %
-        interval; None without values.
+        interval; None if no run has a finite value.
 
-        The value of a unit is the mean over its runs. Shares are in percent, but the success rate
-        is from 0 to 1.
+        The value of a unit is the mean over its runs. Values are in the measure's unit; `name` may
+        also be "success", whose mean is the success rate from 0 to 1.
         """
         scores = [found.mean() for rows in self.rows.values() if len(found := values(rows, name))]
         if not scores:
@@ -93,14 +96,16 @@ class Units:
 
 
 def values(rows: Iterable[Row], name: str) -> Array:
-    """Return the finite values (n,) of a measure in some rows, in the measure's unit."""
+    """Return the finite values (n,) of a measure in the rows that have one, in the measure's unit
+    and the order of the rows.
+    """
     found = np.array([r[name] for r in rows if r.get(name) is not None], dtype=float)
     return found[np.isfinite(found)]
 
 
 def uncounted(rows: Sequence[Row]) -> str:
-    """Return a sentence if all runs end before the time `measure.after`, from which on errors
-    count; else "".
+    """Return a sentence if no run reached the setting measure.after, the time from which on errors
+    count, so that measures of errors have no value; else, or without rows, "".
     """
     if not rows or any(len(values(rows, name)) for name in COUNTED):
         return ""
@@ -114,8 +119,9 @@ def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Number of runs, success rate (0 to 1) and mean measures, with 95 % intervals, of the runs
-    with one combination of axis values (`settings`).
+    """The results of the runs with one combination of axis values (`settings`, by axis): number of
+    runs, success rate (0 to 1) and mean measures by name, each with its 95 % interval, and the
+    number of runs in which each measure is finite.
     """
 
     settings: Table
@@ -133,14 +139,14 @@ class Cell:
 
     @staticmethod
     def of(settings: Table, rows: Sequence[Row], *, drawn: bool) -> "Cell":
-        """Return the number of runs, success rate and means, with 95 % intervals, of the runs with
-        one combination of axis values.
+        """Return the results of the runs with one combination of axis values.
 
         Args:
             settings: Axis values by name of the axis.
-            rows: The runs' rows, at least one.
-            drawn: Whether the study has drawn settings; then seeds are the independent observations
-                of the intervals, unless there are several scenarios.
+            rows: Rows of these runs in a table of results, at least one.
+            drawn: Whether the study has drawn settings. Each seed is then one independent
+                observation; otherwise it is one only if seeds change the results. Rows of several
+                scenarios have one observation for each scenario.
         """
         units = Units.of(rows, settings, drawn)
         found = {name: units.mean(name) for name in MEASURED}
@@ -152,7 +158,8 @@ class Cell:
 @dataclass(frozen=True, slots=True)
 class Compared:
     """McNemar's test of two values of an axis, such as two trackers, over pairs of runs that differ
-    in nothing else, with its p value after Holm's correction.
+    in nothing else, with its p value after Holm's correction. `unit` is the kind of independent
+    observation that is counted, such as "seed".
     """
 
     first: object
@@ -166,27 +173,32 @@ class Compared:
 
     @property
     def cells(self) -> list[object]:
-        """Return this comparison as a row of a table: the two values of the axis, the kind of what
-        is counted (such as "seed"), wins, losses and ties of the first value, z, the p value, and
-        the p value after Holm's correction.
+        """Return this comparison as a row of a table: first and second value of the axis, kind of
+        the independent observations (such as "seed"), wins, losses and ties of the first value,
+        test statistic z, p value, and p value after Holm's correction.
         """
         t = self.test
         return [self.first, self.second, self.unit, t.wins, t.losses, t.ties, t.z, t.p, self.p_holm]
 
 
 def grouped(keys: Sequence[str], rows: Iterable[Row]) -> list[tuple[Table, list[Row]]]:
-    """Group rows by their values in the columns `keys`, such as axes.
+    """Group rows of a table of results by their values in the columns `keys`, such as axes.
 
     Returns:
-        The values by column, and the rows that have them, in the order of the rows.
+        For each combination of values: the values by column, and the rows that have them. Both
+        combinations and rows are in the order of `rows`.
     """
     groups = _by(rows, keys)
     return [(dict(zip(keys, at, strict=True)), group) for at, group in groups.items()]
 
 
 def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
-    """Return the mean results for each combination of axis values that has runs, in the study's
-    order.
+    """Return the results of each combination of axis values that has rows, in the order of the
+    rows.
+
+    Args:
+        study: The study.
+        rows: Rows of its table of results, one for each run.
     """
     return [
         Cell.of(settings, group, drawn=bool(study.draws))
@@ -196,10 +208,13 @@ def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
 
 def moved(cells: Sequence[Cell]) -> list[str]:
     """Return the names of up to five measures whose means differ most between combinations of axis
-    values; if no measure differs, those of four common ones, such as "servo_rms_px".
+    values (`cells`). If none differs, return "servo_rms_px", "servo_peak_px", "tracking_rms_px" and
+    "track_ms".
 
-    Differences are relative to the intervals of the means; differences below 5 % do not count. Of
-    strongly correlated measures, such as rms and peak of one error, only the first is returned.
+    The difference of a measure is the range of its means, as a share of the largest mean; at most 5
+    % do not count. The order is by this share relative to the width of the means' 95 % intervals.
+    Of measures with a correlation above 0.98, such as rms and peak of one error, only the first is
+    returned. The names are in the order of `MEASURED`.
     """
     scores: dict[str, float] = {}
     values: dict[str, Array] = {}
@@ -226,16 +241,17 @@ def moved(cells: Sequence[Cell]) -> list[str]:
 def comparisons(
     key: str | None, axes: Sequence[str], rows: Sequence[Row], *, drawn: bool = False
 ) -> list[Compared]:
-    """Compare every pair of values of an axis by McNemar's test on success, with Holm's correction;
-    the first value of a pair has the higher success rate.
+    """Compare every pair of values of an axis by McNemar's test on success, with Holm's correction
+    for the number of pairs; the first value of a pair has the higher success rate.
 
-    Two values are compared in each unit (independent observation, such as a seed) over pairs of
-    runs of the same scenario, seed and values of the other axes.
+    A value wins in a unit (independent observation, such as a seed) if it has the higher success
+    rate there, over the runs that both values have: those of the same scenario, seed and values of
+    the other axes.
 
     Args:
-        key: Name of the compared axis; None: no comparisons.
+        key: Name of the compared axis; None: return an empty list.
         axes: Names of all axes.
-        rows: Rows of the study's runs.
+        rows: Rows of the study's runs: values by column.
         drawn: Whether the study has drawn settings.
     """
     if key is None:
@@ -253,10 +269,11 @@ def comparisons(
 
 
 def cells_csv(study: Study, found: Sequence[Cell]) -> str:
-    """Return a CSV text with a line for each combination of axis values.
+    """Return a CSV text with a line for each combination of axis values (`found`).
 
-    Columns are the axes, number of runs, kind of unit (independent observation), success rate,
-    means with 95 % intervals, and the number of runs in which each measure is finite.
+    Columns are the axes, number of runs, kind of independent observation, the success rate (0 to 1)
+    and the mean of each measure with the ends of its 95 % interval and the number of observations,
+    and the number of runs in which each measure is finite.
     """
     lines = [
         [

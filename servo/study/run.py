@@ -30,30 +30,38 @@ SEQUENCE = "sequence"
 
 
 class Subject(Protocol):
-    """A scenario, or a tracker on a sequence, that a job runs."""
+    """Protocol of what a job runs: a scenario, or a tracker on a recorded or synthetic sequence of
+    pictures.
+    """
 
     @property
     def name(self) -> str:
-        """Return the name of the scenario or the sequence in tables."""
+        """Return the name of the scenario or of the sequence, as it stands in tables of results."""
         ...
 
     def describe(self) -> dict[str, object]:
-        """Return all settings that decide the results, in types of JSON."""
+        """Return the settings that decide the results of a run, as a dictionary that JSON can hold;
+        without the seed and the settings of the job. `Job.digest` calls it.
+        """
         ...
 
     def perform(self, job: "Job", folder: Path) -> "Record":
-        """Run a job of this subject and return its record.
+        """Run a job and return the record of its results; `Job.run` calls it in a worker process.
 
         Args:
-            job: The job, which has the seed and the values of axes.
-            folder: The study's folder, into which files such as tracks may be written.
+            job: The job, whose `subject` is this object; it has the seed and the values of the
+                study's axes and drawn settings.
+            folder: The study's folder, into which further files, such as a tracker's estimates, may
+                be written.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One run that a study still has to make: what is run, its seed and its settings. It is sent to
+    """One run that a study still has to make: what is run (`subject`), its seed, and its values of
+    the study's axes and drawn settings by name (`settings`). `number` is its place in the study,
+    from 0; if `pictured`, the record gets an image with pictures of the run. Jobs are sent to
     worker processes.
     """
 
@@ -73,15 +81,16 @@ class Job:
 
     @property
     def key(self) -> str:
-        """Return the name under which a study stores the run's record, such as "000012"; it is
-        unique in the study's folder.
+        """Return the name under which the study's folder stores the record of this run: `name`, or
+        without one the number with six digits, such as "000012".
         """
         return self.name or key_of(self.number)
 
     @property
     def digest(self) -> str:
-        """Return the SHA-256 digest of all settings that decide the run's record; versions of
-        packages do not count.
+        """Return the SHA-256 digest, 64 hexadecimal digits, of the subject's description, the seed
+        and the settings of this job. Equal jobs have equal digests; versions of packages do not
+        count.
         """
         described = {
             "subject": self.subject.describe(),
@@ -91,20 +100,24 @@ class Job:
         return hashlib.sha256(json.dumps(as_json(described)).encode()).hexdigest()
 
     def run(self, folder: Path) -> "Record":
-        """Run this job and return its record; files such as tracks go into the study's folder.
+        """Run this job and return the record of its results; further files, such as a tracker's
+        estimates, go into `folder`, the study's folder.
 
         Raises:
             Mistake: A setting of a scenario is not valid, or one of its components failed.
-            ValueError: A sequence cannot be read, or the tracker refuses its region.
-            OSError: A track cannot be written.
+            ValueError: A sequence of pictures cannot be read, or the tracker refuses the target's
+                region in the first picture.
+            OSError: A file cannot be written.
         """
         return self.subject.perform(self, folder)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
-    """The results of a finished run of a scenario, or of a tracker on a sequence: its outcome,
-    measures, missed bounds, and values over time.
+    """The results of one finished run of a scenario, or of a tracker on a sequence of pictures
+    (`subject_is`: "scenario" or "sequence"): its outcome, measures by name, bounds that it did not
+    keep, and values over time by name (`series`). `sheet` is an image with pictures of the run, as
+    JPEG.
     """
 
     number: int = 0
@@ -144,7 +157,9 @@ class Record:
 
     @property
     def row(self) -> Row:
-        """Return the run's row in a table of results; a measure without a finite value is None."""
+        """Return the values of the run by column of a table of results; a measure that is nan or
+        infinite is None.
+        """
         return {
             "run": self.number,
             self.subject_is: self.subject,
@@ -167,7 +182,9 @@ class Record:
 
 
 def grouped_by(items: Iterable[Item], key: Callable[[Item], Key]) -> dict[Key, list[Item]]:
-    """Group items, such as records or rows, by their key, in the order of the items."""
+    """Return lists of items, such as records, by the key that the function `key` returns for them;
+    keys and items stay in the order of `items`.
+    """
     found: dict[Key, list[Item]] = {}
     for item in items:
         found.setdefault(key(item), []).append(item)
@@ -175,13 +192,13 @@ def grouped_by(items: Iterable[Item], key: Callable[[Item], Key]) -> dict[Key, l
 
 
 def key_of(number: int) -> str:
-    """Return the name under which a study stores a run, such as "000012" for number 12."""
+    """Return the name under which a study stores the run of a number: "000012" for 12."""
     return f"{number:06}"
 
 
 def version_columns(found: Mapping[str, str]) -> dict[str, str]:
-    """Return package versions by name of their column in tables of results, such as "version_numpy"
-    for "numpy".
+    """Return versions by name of their column in a table of results: {"version_numpy": "2.1"} for
+    {"numpy": "2.1"}. Hyphens and spaces in names become "_".
     """
     return {f"version_{n.replace('-', '_').replace(' ', '_')}": v for n, v in found.items()}
 
@@ -192,8 +209,9 @@ class ClusterLost(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """The error that ended a job without a record: its traceback, and a sentence if the user can
-    correct the error.
+    """The error that ended a job without a record: its traceback (`error`); a sentence (`mistake`)
+    if it is a mistake of the user, or a full disk or memory, else ""; and whether disk or memory is
+    full, so that all other jobs would fail too (`full`).
     """
 
     error: str
@@ -205,8 +223,8 @@ class Failure:
 
     @staticmethod
     def of(error: BaseException) -> "Failure":
-        """Return the failure with the traceback of an exception, and its sentence if it is a
-        mistake of the user, or a full disk or memory.
+        """Return the failure of a job that raised an exception, with the exception's traceback, and
+        with a sentence if it is a mistake of the user, or a full disk or memory.
         """
         trace = "".join(traceback.format_exception(error))
         if isinstance(error, OSError) and error.errno in FULL:
@@ -223,7 +241,9 @@ class Failure:
 
     @property
     def reason(self) -> str:
-        """Return the sentence about the error, or the last line of the traceback without one."""
+        """Return the sentence for the user, or, if there is none, the last line of the
+        traceback.
+        """
         return self.mistake or self.error.strip().splitlines()[-1]
 
 

@@ -1,4 +1,6 @@
-"""The file report.json of a run: its results and all settings, the data of its report page."""
+"""The file report.json of a run, from which its report page is made: its results and all
+settings.
+"""
 
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -16,7 +18,9 @@ from tracking.files.json_text import as_json, number
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunReport(Made):
-    """The contents of the file report.json of a run: outcome, measures, bounds and settings."""
+    """The contents of the file report.json of a run: outcome, measures and their units by name, the
+    scenario's bounds (`expect`) and those that were not kept (`missed`), and all settings.
+    """
 
     FILE: ClassVar[str] = "report.json"
     KIND: ClassVar[str] = "run"
@@ -58,13 +62,14 @@ class RunReport(Made):
 
     @staticmethod
     def of(record: Record, scenario: Scenario, scene: Scene, uncertain: str = "") -> "RunReport":
-        """Return the report of a run.
+        """Return the contents of the report of a run.
 
         Args:
             record: Results of the run.
             scenario: The scenario that was run.
-            scene: Target and features of the run.
-            uncertain: A sentence about estimates that were too uncertain to be used.
+            scene: Target and features of the run, which are written too.
+            uncertain: A sentence about estimates that were too uncertain to be used for servoing;
+                "" if there were none.
         """
         why = unjudged(scenario, record.success)
         settings = scenario.settings()

@@ -54,8 +54,8 @@ TIMES = tuple(name for name, measure in RECORDED.items() if measure.timed)
 
 @dataclass(frozen=True, slots=True)
 class LoadedScenario:
-    """A scenario that is run as it was loaded: with its own settings and seed, whatever those of
-    the job are.
+    """A scenario that is run as it was loaded, with its own settings and seed; the settings and the
+    seed of the job are only copied into the record.
     """
 
     scenario: Scenario
@@ -66,20 +66,23 @@ class LoadedScenario:
         return self.scenario.name
 
     def describe(self) -> Table:
-        """Return the scenario's name and table, which decide the results."""
+        """Return the name of the scenario and its table, as in a TOML file, by the keys "scenario"
+        and "table".
+        """
         return {"scenario": self.name, "table": self.scenario.table}
 
     def perform(self, job: Job, folder: Path) -> Record:
         """Run the scenario with its own settings and seed, and return the record, which has the
-        number, seed, settings and command of the job; no file is written.
+        number, seed, settings and command of the job. No file is written into `folder`.
         """
         return _performed(job, self.scenario, {})
 
 
 @dataclass(frozen=True, slots=True)
 class StudiedScenario:
-    """A scenario of a study, with the study's changes: its table is changed and checked again for
-    each run.
+    """A scenario of a study (its table without changes), with the settings that the study changes
+    in all runs (`changes`), its groups of settings (`named`), and the digests of the files that the
+    settings name. For each run the table is copied, changed and checked.
     """
 
     name: str
@@ -98,14 +101,16 @@ class StudiedScenario:
     """Digests of the files that the study names, by path."""
 
     def describe(self) -> Table:
-        """Return the scenario's name and table, and the settings of all runs of the study."""
+        """Return the name of the scenario, its table without changes, and the settings of all runs
+        of the study, by the keys "scenario", "table" and "changes".
+        """
         return {"scenario": self.name, "table": self.table, "changes": self.changes}
 
     def table_of(self, seed: int, settings: Table) -> Table:
-        """Return the scenario's table with all changes of one run.
+        """Return a copy of the scenario's table (as in a TOML file) with all changes of one run.
 
         Args:
-            seed: The run's seed.
+            seed: The run's seed, which becomes run.seed.
             settings: Values of the study's axes and drawn settings, by name.
 
         Raises:
@@ -121,8 +126,11 @@ class StudiedScenario:
         return table
 
     def parsed(self, seed: int, settings: Table) -> Scenario:
-        """Return the scenario of one run, given its seed and the values of the study's axes and
-        drawn settings by name.
+        """Return the checked scenario of one run.
+
+        Args:
+            seed: The run's seed.
+            settings: Values of the study's axes and drawn settings, by name.
 
         Raises:
             Mistake: A setting, or a bound on a measure in [expect], is not valid.
@@ -130,8 +138,11 @@ class StudiedScenario:
         return scenarios.parse(self.table_of(seed, settings), self.name, self.place, self.table)
 
     def command(self, seed: int, settings: Table) -> str:
-        """Return the command line that repeats one run alone, given its seed and the values of the
-        study's axes and drawn settings by name.
+        """Return the command line `servobench run ...` that repeats one run alone.
+
+        Args:
+            seed: The run's seed.
+            settings: Values of the study's axes and drawn settings, by name.
         """
         changes = _ordered(self.changes | self._own(settings))
         return command_line(
@@ -139,11 +150,13 @@ class StudiedScenario:
         )
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the scenario with the settings of a job, and return the record; no file is written.
+        """Run the scenario with the seed and the settings of a job, and return the record. No file
+        is written into `folder`.
 
         Raises:
             Mistake: A setting is not valid, a component fails, a package that the scenario needs is
-                missing on this machine, or a file is missing or has changed since the study began.
+                missing on this machine, or a file that the study names is missing or has changed
+                since the study began.
         """
         check_rules(
             *(
@@ -184,14 +197,14 @@ def record_of(
     seconds: float = np.nan,
     sheet: bytes | None = None,
 ) -> Record:
-    """Return the record of a run.
+    """Return the record (outcome, measures, missed bounds, series over time) of a run.
 
     Args:
-        job: The job of the run.
+        job: The job of the run, from which number, seed, settings and command are copied.
         scenario: The scenario that was run.
         steps: All steps of the run, or their columns; pictures are not used.
-        seconds: Wall-clock time of the run [s].
-        sheet: The run's contact sheet as JPEG.
+        seconds: Wall-clock time of the run [s]; nan: unknown.
+        sheet: An image with pictures of the run, as JPEG; None: there is none.
     """
     run = Columns.of(steps)
     summary = summarise(run, scenario.measure, 1 / scenario.camera.rate)
@@ -221,15 +234,17 @@ def record_of(
 
 
 class Sheet:
-    """A contact sheet of a run: one image with eight pictures, evenly spaced in time."""
+    """A contact sheet of a run of `frames` steps: one image with eight of the run's pictures,
+    evenly spaced from the first to the last.
+    """
 
     def __init__(self, frames: int) -> None:
         self._shown = set(np.linspace(0, frames - 1, TILES).astype(int))
         self._tiles: list[Image] = []
 
     def add(self, step: Step) -> None:
-        """Draw the picture of a step, with the true corners and the estimate, into the sheet if it
-        is one of the evenly spaced ones.
+        """Draw the picture of a step into the sheet, with the true and the estimated outline of the
+        target, if the step is one of the eight; other steps are ignored.
         """
         if step.frame.index in self._shown:
             picture = Picture(f"{step.frame.time:.1f} s", step.frame.time, step.frame.image)
@@ -237,7 +252,7 @@ class Sheet:
             self._tiles.append(tile(picture, step.truth.corners, outline))
 
     def jpeg(self) -> bytes:
-        """Return the contact sheet with the pictures that were added so far, as the bytes of a JPEG
+        """Return the image with the pictures that were drawn so far, as the bytes of a JPEG
         file.
         """
         return encoded(page(self._tiles), JPEG_QUALITY)

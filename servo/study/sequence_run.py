@@ -1,4 +1,6 @@
-"""Runs trackers on sequences with known truth as jobs, and makes the records of the runs."""
+"""Runs trackers on sequences of pictures whose true outlines are known, as jobs, and makes the
+records of the runs.
+"""
 
 import hashlib
 import time
@@ -37,7 +39,9 @@ NAMING = ("level", "colours")
 
 @dataclass(frozen=True, slots=True)
 class Contender:
-    """A tracker that is run on sequences: its label in tables, and its settings."""
+    """A tracker that is compared with others on sequences of pictures: its label in tables, and its
+    settings (a `Config`, which builds the tracker).
+    """
 
     label: str
     config: Any
@@ -58,8 +62,8 @@ class Contender:
             )
 
     def describe(self) -> Table:
-        """Return kind and settings of the tracker, and the digests of its model files if it has
-        some.
+        """Return the tracker's kind and settings by the keys "kind" and "settings"; if the settings
+        name model files, also their digests by path, by the key "files".
         """
         found: Table = {"kind": kind_of(self.config), "settings": as_json(self.config)}
         files = digests(named_by(self.config))
@@ -68,8 +72,8 @@ class Contender:
 
 @dataclass(frozen=True, slots=True)
 class Generated:
-    """A kind of painted (synthetic) sequence with its settings; each seed gives another
-    sequence.
+    """A kind of painted (synthetic) sequence of pictures with its settings (a `Config`); each seed
+    gives another sequence.
     """
 
     kind: str
@@ -78,25 +82,25 @@ class Generated:
 
     @property
     def name(self) -> str:
-        """Return the kind of the painted sequence, followed by the level or the colours if the kind
-        has such a setting.
+        """Return the kind of the painted sequence, followed by the values of its settings "level"
+        and "colours" if it has them, such as "clutter-a".
         """
         found = [str(getattr(self.config, key)) for key in NAMING if hasattr(self.config, key)]
         return "-".join([self.kind, *found])
 
     def describe(self) -> Table:
-        """Return kind and settings of the painted sequence."""
+        """Return kind and settings of the painted sequence, by the keys "kind" and "settings"."""
         return {"kind": self.kind, "settings": as_json(self.config)}
 
     def build(self, seed: int) -> Sequence:
-        """Return the sequence of a seed, whose pictures are painted when they are read."""
+        """Return the painted sequence of a seed; its pictures are painted when they are read."""
         return self.config.build(np.random.default_rng([seed, *self.kind.encode()]))
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """A recorded sequence of pictures with a file of the target's true positions, in a folder of
-    sequences.
+    """A recorded sequence of pictures, with a file of the target's true positions, in a folder that
+    may hold several sequences. `content` is a digest of pictures and truth.
     """
 
     folder: Path
@@ -108,8 +112,8 @@ class Recorded:
 
     @staticmethod
     def all_in(folder: Path, form: Format = Format.AUTO) -> list["Recorded"]:
-        """Return the sequences in a folder, whose truth files have the format `form` (AUTO: each is
-        recognised by its name and header).
+        """Return all sequences in a folder. `form` is the format of their truth files (positions of
+        the target); with AUTO, each file is recognised by its name and header.
 
         Raises:
             ValueError: There is no sequence, or a picture or truth cannot be read.
@@ -124,8 +128,8 @@ class Recorded:
         return found
 
     def describe(self) -> Table:
-        """Return the sequence's folder, name, format of the truth file, and digest of pictures and
-        truth, by name.
+        """Return the sequence's folder (absolute path), name, format of the truth file, and digest
+        of pictures and truth, by the keys "folder", "name", "truth_format" and "content".
         """
         return {
             "folder": str(self.folder.resolve()),
@@ -135,10 +139,11 @@ class Recorded:
         }
 
     def build(self, seed: int) -> Sequence:
-        """Return the sequence, whose pictures are read when used; the seed has no effect.
+        """Return the sequence, whose pictures are read from the folder when they are used; the seed
+        has no effect.
 
         Raises:
-            ValueError: The folder or a truth cannot be read any more.
+            ValueError: The folder or a truth file in it cannot be read any more.
         """
         found = read_all(self.folder, RATE, self.truth_format)
         return next(s for s in found if s.name == self.name)
@@ -151,7 +156,9 @@ are averaged."""
 
 @dataclass(frozen=True, slots=True)
 class TrackedSequence:
-    """A tracker and the sequence that it follows, which a job runs together."""
+    """A tracker (`contender`) and the painted or recorded sequence of pictures (`entry`) that it
+    follows in a job.
+    """
 
     contender: Contender
     entry: Entry
@@ -162,20 +169,25 @@ class TrackedSequence:
         return self.entry.name
 
     def describe(self) -> Table:
-        """Return kind and settings of the tracker and of the sequence."""
+        """Return the descriptions of the tracker and of the sequence, by the keys "tracker" and
+        "sequence".
+        """
         return {"tracker": self.contender.describe(), "sequence": self.entry.describe()}
 
     def track_path(self, folder: Path, seed: int) -> Path:
-        """Return the path of the CSV file with the estimates of a seed in a study's folder."""
+        """Return the path of the CSV file with the tracker's estimates for a seed:
+        tracks/LABEL/SEQUENCE-SEED.csv in a study's folder.
+        """
         return folder / TRACKS / self.contender.label / f"{self.name}-{seed}.csv"
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Let the tracker follow the sequence of a job, and return the record; the estimates are
-        written to `track_path` in the folder.
+        """Let the tracker follow the sequence with the seed of a job, and return the record; the
+        estimates are written to the file `track_path` in `folder`.
 
         Raises:
-            OSError: The track cannot be written.
-            ValueError: A picture or the truth cannot be read, or the tracker refuses the region.
+            OSError: That file cannot be written.
+            ValueError: A picture or the truth cannot be read, or the tracker refuses the target's
+                region in the first picture.
         """
         began = time.perf_counter()
         sequence = self.entry.build(job.seed)

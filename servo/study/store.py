@@ -69,8 +69,9 @@ MENDED = "the finished runs are stored; remove the cause and run the same comman
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyFile(Made):
-    """The contents of the file study.json, which describes a study and the command that began
-    it.
+    """The contents of the file study.json, which describes the study in a folder, with the command
+    line that began it and the versions of packages. `draws` has the distribution of each drawn
+    setting, {key: {name: numbers}}, and `scenarios` the scenarios' TOML tables by name.
     """
 
     FILE: ClassVar[str] = "study.json"
@@ -98,8 +99,8 @@ class StudyFile(Made):
 
     @staticmethod
     def of(study: Study, command: str) -> "StudyFile":
-        """Return the contents of the file study.json of a study; `command` is the command line that
-        begins the study.
+        """Return the contents of the file study.json for a study that a command line (`command`)
+        begins, with the present versions of packages.
         """
         return StudyFile(
             command=command,
@@ -120,8 +121,8 @@ class StudyFile(Made):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FailureFile(Document):
-    """The contents of the file failures/NUMBER.json, which describes a run that ended with an
-    error.
+    """The contents of the file failures/KEY.json in a study's folder, which describes a run that
+    ended with an error: its number, settings, command line and traceback.
 
     The file is kept even if a later try of the run succeeds: it shows that the run does not repeat.
     """
@@ -137,20 +138,22 @@ class FailureFile(Document):
 
     @staticmethod
     def of(job: Job, error: str) -> "FailureFile":
-        """Return the contents of a failed job's file; `error` is the traceback."""
+        """Return the contents of the file that describes a failed job; `error` is the traceback."""
         settings = job.settings | {"seed": job.seed}
         return FailureFile(run=job.number, settings=settings, command=job.command, error=error)
 
 
 @contextmanager
 def opened(folder: Path, described: StudyFile) -> Generator["Store"]:
-    """Open the folder of a study for writing, and lock it until the end of the block.
+    """Open the folder of a study for writing, yield its records as a `Store`, and keep the folder
+    locked until the end of the block.
 
-    The folder is made if it is missing; nothing is written into one with other files.
+    A missing folder is made, and an empty one gets a study.json; a folder with other files but no
+    study.json is refused.
 
     Args:
         folder: The study's folder.
-        described: The study that this process begins or continues.
+        described: Contents of study.json of the study that this process begins or continues.
 
     Raises:
         Mistake: The folder cannot be written, has other files, a damaged database, or results of
@@ -232,11 +235,12 @@ def _text(raw: bytes) -> str:
 
 @contextmanager
 def on_disk(folder: Path, action: str) -> Generator[None]:
-    """Turn errors of the disk or the database in the block into exceptions with one sentence.
+    """Context manager that turns errors of the disk or the database in its block into exceptions
+    with one sentence for the user.
 
     Args:
         folder: The study's folder.
-        action: Action of the block, for the sentence, such as "write run 000000".
+        action: What the block does, for the sentence, such as "write run 000000".
 
     Raises:
         Mistake: The database is damaged.
@@ -356,7 +360,9 @@ def _elsewhere(name: str, there: str | None, here: str) -> str:
 
 
 class Store:
-    """The records in a study's folder: finds, reads, adds and exports them."""
+    """The records in a study's folder: finds, reads, adds and exports them. `done` has the keys of
+    the jobs that have a valid record; it is empty until `find` is called.
+    """
 
     def __init__(self, folder: Path, database: sqlite3.Connection | None = None) -> None:
         """Use a study's folder; without an open `database` the store is for reading only."""
@@ -368,10 +374,11 @@ class Store:
         self._database = database
 
     def find(self, jobs: Iterable[Job] | None = None) -> None:
-        """Find the records of some jobs and check them; sets `done` and `damaged`.
+        """Find the records of some jobs, and check that they are undamaged and of these jobs. Sets
+        `done` to the keys with a valid record, and `damaged` to those with another one.
 
         Args:
-            jobs: The jobs; None: all that have a record.
+            jobs: The jobs; None: all that have a record, of whatever job.
 
         Raises:
             Mistake: The database is damaged.
@@ -395,11 +402,12 @@ class Store:
                     self.damaged.append(key)
 
     def read(self, keys: Iterable[str], *, long: bool = False) -> Iterator[Record]:
-        """Yield records of finished jobs, in the order of the keys.
+        """Yield records of finished jobs, in the order of the keys; none if `done` is empty.
 
         Args:
-            keys: Keys of the jobs, which are in `done`.
-            long: Whether the records include series and contact sheets.
+            keys: Keys of the jobs, all in `done`.
+            long: Whether the records include series over time and contact sheets (images with
+                pictures of the run).
 
         Raises:
             Mistake: The database is damaged.
@@ -414,8 +422,8 @@ class Store:
                 yield record_of(*found.fetchone())
 
     def records(self, jobs: Iterable[Job]) -> list[Record]:
-        """Return the records, with series and contact sheets, of those jobs that are in `done`, in
-        the order of the jobs; call `find` first.
+        """Return the records, with series over time and contact sheets (images with pictures of the
+        run), of those jobs whose key is in `done`, in the order of `jobs`. Call `find` first.
 
         Raises:
             Mistake: The database is damaged.
@@ -424,8 +432,8 @@ class Store:
         return list(self.read([job.key for job in jobs if job.key in self.done], long=True))
 
     def table(self) -> pa.Table:
-        """Return the table of results with a row for each job in `done`, at least one, in the order
-        of the study; call `find` first.
+        """Return the Arrow table of results with a row for each job in `done`, of which there is at
+        least one, ordered by key. Call `find` first.
 
         Raises:
             Mistake: The database is damaged.
@@ -439,7 +447,8 @@ class Store:
             yield list(self.read(keys[first : first + BATCH], long=long))
 
     def add(self, job: Job, record: Record) -> None:
-        """Store the record of a job, and add the job's key to `done`.
+        """Write the record of a job to the disk, and add the job's key to `done`. An older record
+        of the job is replaced.
 
         Raises:
             Mistake: The worker that ran the job has other versions of packages or other source code
@@ -464,15 +473,22 @@ class Store:
         self.done.add(job.key)
 
     def forget(self, job: Job) -> None:
-        """Remove a job from `done`, so that it is run again and its record is replaced."""
+        """Remove a job's key from `done`, so that the job is run again and its stored record is
+        then replaced.
+
+        Raises:
+            KeyError: The key is not in `done`.
+        """
         self.done.remove(job.key)
 
     def fail(self, job: Job, failure: Failure) -> None:
-        """Write a file with the error of a failed job, unless the study's folder has 40 such files
-        already; the job is run again when the study is continued.
+        """Write the file that describes a failed job, or replace the job's older one; no new file
+        is written if the study's folder has 40 such files already. The job is run again when the
+        study is continued.
 
         Raises:
-            Refused: The disk is full, memory was full in the job, or the file cannot be written.
+            Refused: The disk is full, disk or memory was full in the job, or the file cannot be
+                written.
         """
         if failure.full:
             raise Refused(f"{self.folder}: {failure.reason}; {MENDED}")
@@ -481,7 +497,12 @@ class Store:
             self.write(f"{FAILURES}/{path.name}", FailureFile.of(job, failure.error).text())
 
     def write(self, name: str, content: bytes | str) -> Path:
-        """Write a file, such as a table or a report, into the study's folder; return its path.
+        """Write a file, such as a table or a report, into the study's folder, and return its path;
+        an older one is replaced.
+
+        Args:
+            name: The file's name, or its path relative to the folder.
+            content: The file's text or bytes.
 
         Raises:
             Refused: The disk is full, or the file cannot be written.
@@ -490,11 +511,11 @@ class Store:
             return atomic.write(self.folder, name, content)
 
     def export(self, table: pa.Table) -> list[Path]:
-        """Write results and series of all runs as Parquet files; return the paths of the files.
+        """Write results.parquet (the given table) and series.parquet (series over time and contact
+        sheets of the jobs in `done`, read from the database); return their paths in this order.
 
         Args:
-            table: The results, a row for each run; the series of the jobs in `done` are read from
-                the database.
+            table: The results, a row for each run, as `table` returns them.
 
         Raises:
             Mistake: The database is damaged.
@@ -514,7 +535,9 @@ class Store:
         return [self.write(RESULTS, parquet(table)), self.folder / SERIES]
 
     def failure_path(self, job: Job) -> Path:
-        """Return the path of the file with the error of a failed job."""
+        """Return the path of the file that describes the error of a failed job; the file may not
+        exist.
+        """
         return self.folder / FAILURES / f"{job.key}.json"
 
     @contextmanager

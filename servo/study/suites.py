@@ -1,5 +1,5 @@
-"""Suites: sets of sequences on which trackers are compared, given by name, by a folder or by a TOML
-file.
+"""Suites: sets of sequences of pictures on which trackers are compared, given by a shipped name, by
+a folder of recordings or by a TOML file.
 """
 
 from collections import Counter
@@ -32,7 +32,10 @@ CLOSED_LOOP = "closed_loop"
 
 
 class SuiteTable(BaseModel):
-    """The keys of a suite's TOML file: its sequences and, if it lists any, its trackers."""
+    """The keys of a suite's TOML file, as pydantic checks them: the tables of its sequences (each
+    with a `path` of recordings, or a `kind` of painted sequence) and of its trackers, if it lists
+    any.
+    """
 
     model_config = STRICT
     sequences: Annotated[list[Table], MinLen(1)]
@@ -42,8 +45,8 @@ class SuiteTable(BaseModel):
 
 
 class RecordedTable(BaseModel):
-    """The keys of a table [[sequences]] with recorded sequences: their folder, and the format of
-    its truth files.
+    """The keys of a table [[sequences]] with recordings, as pydantic checks them: their folder,
+    relative to that of the suite's file, and the format of its truth files.
     """
 
     model_config = STRICT
@@ -53,11 +56,12 @@ class RecordedTable(BaseModel):
 
 
 def suite(name: str) -> tuple[list[Entry], list[Contender]]:
-    """Return the sequences of a suite, and the trackers that its TOML file lists, if any.
+    """Return the sequences of a suite, and the trackers that its TOML file lists (else an empty
+    list).
 
     Args:
-        name: Name of a suite (but "closed_loop", which has no sequences), or path of a folder of
-            sequences or of a TOML file.
+        name: Name of a shipped suite such as "clutter" (but not "closed_loop", which has no
+            sequences), or path of a folder of recorded sequences or of a TOML file.
 
     Raises:
         Mistake: There is no such suite, or its file or a sequence is wrong.
@@ -74,10 +78,11 @@ def suite(name: str) -> tuple[list[Entry], list[Contender]]:
 
 
 def contenders(text: str | None) -> list[Contender]:
-    """Return the trackers that a text lists, separated by commas; None: all that follow any target
-    by pictures alone, and need no program or model of the user.
+    """Return the trackers that a text lists, separated by commas. None stands for all trackers that
+    can follow any target by pictures and the camera's motion alone, and need no program or model
+    file of the user.
 
-    A tracker is "kind", "kind:preset", "package:kind" for a kind of another package, or
+    In the text a tracker is "kind", "kind:preset", "package:kind" for a kind of another package, or
     "module:Name" for a class to import.
 
     Raises:
@@ -91,8 +96,11 @@ def contenders(text: str | None) -> list[Contender]:
 
 
 def tracker_tables(text: str) -> dict[str, Table]:
-    """Return settings such as {"tracker.kind": "kams"} of listed trackers by label; the text is as
-    for `contenders`.
+    """Return the settings of listed trackers, such as {"tracker.kind": "kams"}, by the tracker's
+    label.
+
+    Args:
+        text: Trackers, separated by commas, in the forms that `contenders` takes.
 
     Raises:
         Mistake: There is no such tracker or preset, or one is listed twice.

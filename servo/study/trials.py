@@ -1,4 +1,6 @@
-"""Runs of a scenario with settings that are decided while a command works, kept in its folder."""
+"""Trials: runs of a scenario with settings that a command, such as a tuner, chooses while it works.
+Their records are kept in the command's folder.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -19,8 +21,9 @@ Trial = tuple[Table, int]
 
 
 class Trials:
-    """Function that does runs of a scenario, each with settings and a seed. The record of a run is
-    found in the folder by these, so that a command which is given again repeats no run.
+    """Callable object that runs a scenario with given settings and seeds, and returns the records.
+    The folder keeps the record of each run by its settings and seed, so that a command that is
+    given again repeats no run.
     """
 
     def __init__(
@@ -73,13 +76,14 @@ class Trials:
 def trial_study(
     holds: str, scenario: str, changes: Sequence[str], command: str
 ) -> tuple[StudiedScenario, StudyFile]:
-    """Return a scenario with changes for runs as trials, and the description of their folder.
+    """Return a scenario with changes, for use by `Trials`, and the contents of study.json for the
+    folder of the trials.
 
     Args:
         holds: Name of the command, such as "tune".
-        scenario: A shipped scenario or a TOML file.
+        scenario: Name of a shipped scenario, or path of a TOML file.
         changes: Changes of settings of all runs, such as "run.duration=5".
-        command: The command line that repeats it.
+        command: The command line that repeats the command.
 
     Raises:
         Mistake: The scenario or a change is wrong.

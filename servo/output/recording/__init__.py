@@ -1,1 +1,3 @@
-"""Rerun recordings: writing, reading, drawing, viewing. The only folder that imports rerun."""
+"""Rerun recordings of runs and tracks: writing, reading, drawing, viewing. This is the only folder
+that imports rerun.
+"""

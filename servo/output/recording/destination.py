@@ -24,11 +24,13 @@ ROOM = 1 << 18
 
 
 def new_stream(app: str, name: str | None) -> rr.RecordingStream:
-    """Return a new Rerun stream, without a destination and with only those timelines that the
-    caller logs; from now on, Rerun raises its errors in this process (strict mode).
+    """Return a new Rerun stream without a destination, which has only those timelines that the
+    caller logs (Rerun 0.33 adds its own).
+
+    From now on, Rerun raises its errors in this process (strict mode).
 
     Args:
-        app: Rerun's name of the application.
+        app: Name of the application, for Rerun.
         name: Identifier of the recording, which viewers show as its name; None: a random one.
     """
     rr.set_strict_mode(True)
@@ -40,16 +42,18 @@ def new_stream(app: str, name: str | None) -> rr.RecordingStream:
 
 
 class Recording(ABC):
-    """Base class of the destinations of a Rerun recording: a file, a notebook or a viewer."""
+    """Base class of the destinations of a Rerun recording (a file, a notebook or a viewer): `begin`
+    returns the stream to which data are logged, and `close` ends it.
+    """
 
     _stream: rr.RecordingStream
 
     @abstractmethod
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Open the destination, and return the stream to log to.
+        """Open the destination, and return the Rerun stream to which data are then logged.
 
         Args:
-            app: Rerun's name of the application.
+            app: Name of the application, for Rerun.
             blueprint: Layout of the viewer.
 
         Raises:
@@ -57,16 +61,16 @@ class Recording(ABC):
         """
 
     def refusal(self) -> Refused:
-        """Return the error that `flush` raises when the destination does not take the logged data
-        within 10 s.
+        """Return the error that `flush` and `close` raise when the destination does not take the
+        logged data within 10 s.
         """
         return Refused("Rerun takes no more data; run the command again")
 
     def flush(self) -> None:
-        """Wait until all logged data has arrived.
+        """Wait until all logged data has arrived at the destination.
 
         Raises:
-            Refused: The data does not arrive within 10 s; earlier data can be read.
+            Refused: The data does not arrive within 10 s; data that arrived before can be read.
         """
         try:
             self._stream.flush(timeout_sec=PATIENCE)
@@ -74,17 +78,17 @@ class Recording(ABC):
             raise self.refusal() from None
 
     def close(self) -> None:
-        """Send the last data, and disconnect the stream.
+        """Send the last data to the destination, and disconnect the stream.
 
         Raises:
-            Refused: The data does not arrive within 10 s; earlier data can be read.
+            Refused: The data does not arrive within 10 s; data that arrived before can be read.
         """
         self.flush()
         self._stream.disconnect()
 
     def abandon(self) -> None:
-        """End the recording after an error, at once. The stream is kept alive until the process
-        ends, as deleting it would wait for ever for bytes that the disk refuses.
+        """End the recording after an error, without waiting. The stream is kept alive until the
+        process ends, because deleting it would wait for ever if the disk refuses its last data.
         """
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._stream))
         rr.unregister_shutdown()
@@ -92,16 +96,22 @@ class Recording(ABC):
 
 @final
 class RecordingFile(Recording):
-    """A recording in a file (.rrd); viewers show the name of the file's folder."""
+    """A Rerun recording in a file (.rrd). Viewers show the name of the file's folder as the
+    recording's name.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Create the file; return the stream to log to.
+        """Create the file, and return the Rerun stream whose data is written into it.
+
+        Args:
+            app: Name of the application, for Rerun.
+            blueprint: Layout of the viewer, which is stored in the file.
 
         Raises:
-            OSError: The disk has no 256 kB left; Rerun would wait for ever.
+            OSError: The file cannot be written, or the disk has less than 256 kB left.
         """
         try:
             self.path.write_bytes(bytes(ROOM))
@@ -116,8 +126,8 @@ class RecordingFile(Recording):
         return self._stream
 
     def refusal(self) -> Refused:
-        """Return the error that the recording ends too early, because the disk is full or refuses
-        more data.
+        """Return the error that the recording ends too early, because the disk is full (less than
+        64 kB are free) or refuses more data for another reason.
         """
         full = shutil.disk_usage(self.path.parent).free < FULL
         why = (
@@ -129,15 +139,19 @@ class RecordingFile(Recording):
 
 
 def footer_is_optional() -> bool:
-    """Return whether this version of Rerun can leave out the footer of a file."""
+    """Return whether the installed version of Rerun can leave out the footer (an index) of a
+    file.
+    """
     return "write_footer" in inspect.signature(rr.save).parameters
 
 
 class NotebookRecording(Recording):
-    """A recording in memory, which a notebook displays when the recording is complete."""
+    """A Rerun recording in memory, which a notebook displays when the recording is complete."""
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Return a stream whose data stays in memory."""
+        """Return a Rerun stream whose data stays in memory; `blueprint` is the layout with which it
+        is displayed later.
+        """
         self._stream = new_stream(app, None)
         self._blueprint = blueprint
         return self._stream
@@ -146,7 +160,7 @@ class NotebookRecording(Recording):
         """Do nothing: the data stays in memory until `close`."""
 
     def close(self) -> None:
-        """Display the recording in the notebook's cell."""
+        """Display the recording, with its layout, in the notebook's cell."""
         from rerun.notebook import Viewer  # of the extra "notebook"
 
         Viewer(recording=self._stream, blueprint=self._blueprint).display()

@@ -1,4 +1,4 @@
-"""The layout of recordings in Rerun's viewer, and the entities of their pictures."""
+"""The layout of recordings in Rerun's viewer, and the names of the entities of their pictures."""
 
 from collections.abc import Sequence
 
@@ -14,10 +14,13 @@ UP = (0, 0, 1)
 
 
 def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
-    """Return the viewer's layout of a run whose features have these names.
+    """Return the layout in Rerun's viewer of the recording of a run.
 
-    The camera's picture and the scene are at the left, plots over time at the right, with the
-    events below them.
+    The camera's picture and the scene are at the left, plots over time at the right, with a list of
+    events below the plots.
+
+    Args:
+        features: Names of the run's image features.
     """
     eye = rrb.EyeControls3D(position=EYE, look_target=LOOKS_AT, eye_up=UP)
 
@@ -68,8 +71,9 @@ def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
 
 
 def blueprint_of_track() -> rrb.Blueprint:
-    """Return the viewer's layout of a track: the picture at the left; at the right, over time,
-    confidence, time of the tracker [ms] and number of histograms.
+    """Return the layout in Rerun's viewer of the recording of a track (a tracker on a sequence of
+    pictures): the picture at the left; at the right plots over time of confidence, time of the
+    tracker [ms] and number of histograms that it read.
     """
     plots = [
         rrb.TimeSeriesView(origin=f"plots/{name}", name=title)

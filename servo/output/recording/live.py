@@ -43,7 +43,9 @@ PROGRAM = str(Path(rerun_cli.__file__).parent / f"rerun{'.exe' * (sys.platform =
 
 @final
 class LiveViewer(Recording):
-    """Rerun's server of one recording, and a viewer that is connected to it."""
+    """Rerun's server of one recording on 127.0.0.1, and a viewer that is connected to it: Rerun's
+    window, or a page in a browser (`web`).
+    """
 
     def __init__(self, *, web: bool, port: int, recording: Path | None = None) -> None:
         """Start the server and the viewer.
@@ -87,20 +89,23 @@ class LiveViewer(Recording):
                 time.sleep(POLL)
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Return a new stream that sends its data to the server, with a layout for the viewer."""
+        """Return a new Rerun stream that sends its data to the server; `blueprint` is the layout of
+        the viewer.
+        """
         self._stream = new_stream(app, None)
         self._stream.connect_grpc(self.source, default_blueprint=blueprint)
         return self._stream
 
     def refusal(self) -> Refused:
-        """Return the error that says that Rerun's server has ended, and takes no more data."""
+        """Return the error that Rerun's server has ended, so that the viewer gets no more data."""
         return Refused("the viewer: Rerun's server has ended; run the command again")
 
     def wait(self) -> None:
-        """Wait until the viewer's window is closed; for a browser, until Ctrl-C.
+        """Wait until the user closes the viewer's window; if the viewer is a browser, until Ctrl-C,
+        which raises KeyboardInterrupt.
 
         Raises:
-            Refused: The server has ended.
+            Refused: Rerun's server has ended.
         """
         while self._window is None or self._window.poll() is None:
             if self._server.poll() is not None:
@@ -108,7 +113,7 @@ class LiveViewer(Recording):
             time.sleep(POLL)
 
     def stop(self) -> None:
-        """Close the viewer's window, and end the server."""
+        """Close the viewer's window, if there is one, and end the server."""
         for process in filter(None, (self._window, self._server)):
             process.communicate()
 

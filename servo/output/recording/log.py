@@ -74,8 +74,8 @@ LEVELS = {Event.LOST: "ERROR"} | dict.fromkeys(
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """The lines of one plot: its entity, the names and colours of the lines, and a function that
-    reads their values from a step.
+    """The lines of one plot in a Rerun recording: path of its entity, names and RGB colours of the
+    lines, and a function that returns their values, one for each line, for a step of the run.
     """
 
     path: str
@@ -85,7 +85,9 @@ class Lines:
 
 
 class RerunLog:
-    """Sink that writes the steps of a run into a Rerun recording."""
+    """Sink (receiver of the steps of a run) that writes pictures, poses, plots and events of each
+    step into a Rerun recording.
+    """
 
     def __init__(self, recording: Recording, episode: Episode, every: float = 1.0) -> None:
         """Begin a recording.
@@ -115,8 +117,9 @@ class RerunLog:
         self._name_series()
 
     def add(self, step: Step) -> None:
-        """Log a step's events, and keep its picture, poses and values, which are sent to the
-        recording ten pictures at a time, and the rest once a second.
+        """Log a step. Its events, such as a lost target, are logged at once; its picture is sent
+        together with nine others, and its poses and values with those of other steps, once in
+        `every` seconds.
 
         Raises:
             Refused: The destination takes no more data, such as a full disk.
@@ -141,7 +144,7 @@ class RerunLog:
             self._file.flush()
 
     def close(self) -> None:
-        """Send the last steps, and end the recording.
+        """Send the data of the last steps, and end the recording.
 
         Raises:
             Refused: The destination takes no more data, such as a full disk.

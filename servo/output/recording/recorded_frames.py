@@ -1,5 +1,5 @@
-"""Reader of the camera's pictures in the Rerun recording of a run, with the outlines of truth and
-estimate.
+"""Reader of the camera's pictures in the Rerun recording of a run, with the target's true and
+estimated corners.
 """
 
 import warnings
@@ -30,7 +30,9 @@ CORNERS = 4
 
 @dataclass(frozen=True, slots=True)
 class RecordedFrame:
-    """One picture of a recording, with its time [s] and the corners [px] of target and estimate."""
+    """One picture in the recording of a run: simulated time [s], RGB picture (H, W, 3), and true
+    and estimated corners (4, 2) of the target [px], nan if they were not logged.
+    """
 
     time: float
     """Simulated [s]."""
@@ -43,11 +45,11 @@ class RecordedFrame:
 
 
 def pictures(path: Path, count: int) -> list[RecordedFrame]:
-    """Return up to `count` frames of a run's recording, evenly spread from the first to the last;
-    empty if it has no picture, as the recording of a track.
+    """Return up to `count` pictures in the recording of a run, evenly spaced from the first to the
+    last. The list is empty for a recording without such pictures, as that of a track is.
 
     Raises:
-        Mistake: The file is missing, not a recording, or damaged.
+        Mistake: The file is missing, is no recording, or is damaged.
     """
     check(path)
     found: dict[str, dict[int, tuple[float, Any]]] = {BLOB: {}, "truth": {}, "estimate": {}}

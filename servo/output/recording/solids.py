@@ -1,4 +1,4 @@
-"""The MuJoCo scene as shapes for Rerun, and outlines in a picture."""
+"""The geoms of a MuJoCo scene as Rerun's 3D shapes, and outlines of the target in a picture."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -32,8 +32,9 @@ LARGEST_SIDE = 800
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """A mesh of m triangles, each with three vertices of its own [m], in one colour or with a
-    texture.
+    """A mesh of m triangles, each with three vertices of its own: points and outward normals (3 m,
+    3), points in the shape's frame [m]; with a texture (`picture`, RGB, at coordinates `uv` from 0
+    to 1), or in one colour.
     """
 
     vertices: Array
@@ -48,8 +49,9 @@ class Surface:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """One visible geom of a MuJoCo model: its form, size [m] and colour, and its pose in the frame
-    of the body to which it is fixed.
+    """One visible geom of a MuJoCo model: its form, size [m] and colour RGBA (4,), 0..1, and its
+    pose in the frame of the body to which it is fixed. `body` is the body's number in the model (0:
+    the world); a mesh has a `surface`.
     """
 
     name: str
@@ -69,8 +71,8 @@ class Shape:
 
 
 def shapes_of(model: mujoco.MjModel) -> list[Shape]:
-    """Return all visible boxes, spheres, ellipsoids, cylinders, capsules and meshes of a model as
-    shapes, except for the walls, which would hide the room.
+    """Return all visible boxes, spheres, ellipsoids, cylinders, capsules and meshes of a MuJoCo
+    model, except for the walls, which would hide the scene.
     """
     found: list[Shape] = []
     for g in range(model.ngeom):
@@ -153,9 +155,13 @@ def _mesh(model: mujoco.MjModel, mesh: int, picture: Image | None) -> Surface:
 
 
 def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, rr.AsComponents]]:
-    """Yield entity path and Rerun archetype of shapes: one pair for each mesh, and one for all
-    other shapes of a kind on one body. Wholly transparent shapes are left out. `bodies` are the
-    entity paths of the bodies by number.
+    """Yield pairs of entity path and Rerun archetype that draw shapes: one pair for each mesh, and
+    one for all other shapes of the same kind on the same body. Wholly transparent shapes are left
+    out.
+
+    Args:
+        shapes: The shapes.
+        bodies: Entity path of each body, by its number in the model.
     """
     groups: dict[tuple[int, str], list[Shape]] = defaultdict(list)
     for number, shape in enumerate(s for s in shapes if s.rgba[3] > 0):
@@ -169,12 +175,13 @@ def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, rr
 
 
 def entities(names: Sequence[str]) -> list[str]:
-    """Return the entity path of each body, in the order of their names; their poses are logged in
-    the world frame.
+    """Return the path of a Rerun entity for each body of a MuJoCo model, in the order of `names`,
+    the bodies' names.
 
-    No path lies below the path of another body: Rerun would apply both poses. "robot/yaw" becomes
-    "world/robot/yaw" if there is no body "robot", else one part below "world" with its slash
-    escaped; a body without a name becomes "world/body_NUMBER".
+    No path lies below the path of another body, because all poses are logged in the world frame and
+    Rerun would apply both. "robot/yaw" becomes "world/robot/yaw" if there is no body "robot", else
+    one part below "world" with its slash escaped; a body without a name becomes
+    "world/body_NUMBER", with its place in `names` from 0.
     """
     found: list[str] = []
     for number, name in enumerate(names):
@@ -227,5 +234,7 @@ def outline_strips(corners: Array) -> list[Array]:
 
 
 def outline(corners: Array, colour: tuple[int, int, int]) -> rr.LineStrips2D:
-    """Return Rerun's archetype of a target's outline with corners (4, 2) [px], in an RGB colour."""
+    """Return Rerun's archetype of the outline of a target with corners (4, 2) [px], in an RGB
+    colour (0 to 255).
+    """
     return rr.LineStrips2D(outline_strips(corners), colors=colour, radii=LINE_RADIUS)

@@ -1,4 +1,6 @@
-"""A track as a Rerun recording: pictures, estimate, truth, particles, confidence, time."""
+"""A track (a tracker's estimates for a sequence of pictures) as a Rerun recording: pictures,
+estimate, truth, particles, confidence, time.
+"""
 
 import rerun as rr
 
@@ -15,8 +17,8 @@ from tracking.types import Region
 
 
 class TrackLog:
-    """Sink that writes each picture of a track, with its estimate and truth, into a Rerun
-    recording.
+    """Sink (receiver of the pictures of a track) that writes each picture, with the tracker's
+    estimate and the true outline, into a Rerun recording.
     """
 
     def __init__(self, recording: Recording, region: Region, every: float = 1.0) -> None:

@@ -51,8 +51,8 @@ def check(path: Path) -> None:
 
 
 def show(path: Path) -> int:
-    """Open a recording in Rerun's window, wait until it is closed, and return the exit code of
-    Rerun's viewer.
+    """Open the file of a recording in the window of Rerun's viewer, wait until the window is
+    closed, and return the exit code of the viewer.
 
     Raises:
         Mistake: There is no display for a window.
@@ -65,16 +65,18 @@ def show(path: Path) -> int:
 
 
 def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
-    """Draw a recording at a simulated time [s] into a PNG file, without opening a window.
+    """Draw a recording, as Rerun's viewer shows it at a simulated time, into a PNG file, without
+    opening a window.
 
     Args:
         path: File of the recording.
         png: File to write; an older one is replaced.
         at: Simulated time that is drawn [s].
-        panel: Entity of the only panel to draw, such as "world"; None: the whole viewer.
+        panel: Path of the entity that a panel of the viewer shows, such as "world", to draw this
+            panel alone; None: draw the whole viewer.
 
     Raises:
-        Mistake: The viewer cannot start, has no such panel, or does not show the recording within
+        Mistake: The viewer cannot start, has no such panel, or does not load the recording within
             30 s.
         OSError: The PNG file cannot be written.
     """

@@ -38,11 +38,12 @@ NO_WORKER = (
 
 
 def check_workers(workers: int) -> None:
-    """Check that this machine can run a number of worker processes, and raise this process's limit
-    of open files if they need more.
+    """Check that this machine can run a number of worker processes. If they need more open files
+    than this process may have, raise this limit of the process.
 
     Raises:
-        Mistake: The machine has too little memory or too few processor cores for the processes.
+        Mistake: The machine has too little memory (300 MB for each process) or too few processor
+            cores (eight processes for each).
         Refused: The system does not allow so many open files.
     """
     by_memory = max(1, int(MEMORY_LIMIT / WORKER_BYTES))
@@ -75,9 +76,8 @@ def _allow_files(needed: int) -> None:
 
 @contextmanager
 def local(workers: int) -> Generator[Cluster]:
-    """Start a cluster of worker processes on this machine, which end with the block.
-
-    Other machines cannot connect to it.
+    """Context manager that starts a Dask cluster of worker processes on this machine, yields it,
+    and ends it with the block. Other machines cannot connect to it.
 
     Raises:
         Mistake: The machine cannot run so many workers.
@@ -122,7 +122,7 @@ def replace_dead(cluster: LocalCluster, workers: int) -> None:
     workers that die later.
 
     Args:
-        cluster: The cluster.
+        cluster: The cluster of this machine.
         workers: Number of workers that it should have.
     """
     nannies = list(cluster.workers.items())

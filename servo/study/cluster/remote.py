@@ -26,11 +26,11 @@ CLOSING = 2.0
 
 
 def check_address(text: str) -> str:
-    """Return the address of a scheduler as Dask writes it, such as "tcp://host:8786"; without a
-    protocol it is tcp.
+    """Return the address of a Dask scheduler as Dask writes it: "tcp://host:8786" for "host:8786",
+    which has no protocol.
 
     Raises:
-        Mistake: The text is not HOST:PORT, with tcp:// or tls:// in front or without.
+        Mistake: The text is not HOST:PORT, tcp://HOST:PORT or tls://HOST:PORT.
     """
     found = ADDRESS.fullmatch(text)
     if found is None or int(found[3]) >= 1 << 16:  # no port
@@ -43,11 +43,12 @@ def check_address(text: str) -> str:
 
 @contextmanager
 def remote(text: str) -> Generator[Cluster]:
-    """Connect to the cluster whose scheduler has an address, until the end of the block.
+    """Context manager that connects to the Dask cluster whose scheduler has the address `text`,
+    such as "tcp://host:8786", yields the cluster, and disconnects at the end of the block.
 
     Raises:
-        Mistake: The text is no address, there is no scheduler at it, the scheduler has no workers,
-            or the user's TLS settings of Dask cannot be used.
+        Mistake: The text is no address, no scheduler with a worker answers there within 20 s, or
+            the user's TLS settings of Dask cannot be used.
         ClusterLost: A worker has several threads.
     """
     address = check_address(text)
@@ -71,7 +72,10 @@ def remote(text: str) -> Generator[Cluster]:
 
 
 def security_of(address: str) -> Security:
-    """Return Dask's TLS settings of the user for connecting to an address.
+    """Return the user's TLS settings of Dask, for connecting to a scheduler.
+
+    Args:
+        address: Address of the scheduler, such as "tls://host:8786".
 
     Raises:
         Mistake: The settings cannot be used, or lack certificates that a tls:// address needs.

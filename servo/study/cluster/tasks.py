@@ -1,5 +1,5 @@
-"""Runs each task once on a Dask cluster, local or external; a task whose worker dies is run
-again.
+"""Runs tasks on a Dask cluster, local or external. Each task is run once, unless its worker dies:
+then it is run again.
 """
 
 import logging
@@ -44,8 +44,9 @@ LOGGERS = ("distributed", "distributed.client", "tornado", "asyncio")
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """A running Dask cluster: its client, its name for messages, and a function that is called with
-    its number of workers twice a second, and raises ClusterLost if no worker comes.
+    """A running Dask cluster: its client, its name in messages, and a function (`watch`) that is
+    called with its number of workers about twice a second, and raises ClusterLost if no worker
+    comes.
     """
 
     client: Client
@@ -97,8 +98,8 @@ class Patience:
 
 @contextmanager
 def silence() -> Generator[None]:
-    """Within the block, use the settings of Dask that studies need (`SETTINGS`); turn Dask's log
-    messages on stderr off for as long as this process lasts.
+    """Context manager that applies the settings of Dask that studies need (`SETTINGS`) in its
+    block. It also turns off Dask's log messages on stderr, until this process ends.
     """
     for name in LOGGERS:  # Dask silences its loggers only until a cluster closes
         logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -109,11 +110,11 @@ def silence() -> Generator[None]:
 def carry_out(
     cluster: Cluster, tasks: Iterable[Task], work: Callable[[Task], Done]
 ) -> Iterator[tuple[Task, Done | Failure]]:
-    """Do tasks, one at a time on each worker; yield each task when it ends, with its result or the
-    error that it raised.
+    """Do tasks on a cluster, one at a time on each worker; yield each when it ends, with its
+    result, or with the failure if it raised an exception.
 
-    If a worker dies, another worker does its task again; the third death during one task ends it
-    with a failure.
+    If a worker dies, another worker does its task again; the third death during one task makes it a
+    failure.
 
     Args:
         cluster: The cluster.
