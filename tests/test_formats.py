@@ -2,11 +2,13 @@
 
 import json
 import math
+import os
 import re
 import shlex
 import sys
 from dataclasses import replace
 from html import unescape
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -23,7 +25,7 @@ from servo.study.bounds import MissedBound
 from servo.study.run_report import RunReport
 from servo.study.store import FailureFile, StudyFile
 from tracking.evaluation import track_file
-from tracking.files.json_text import as_json
+from tracking.files.json_text import as_json, json_text
 
 MADE = {"command": "servobench run 'a b'", "versions": {"servobench": "0.1.0"}}
 FILES = [
@@ -225,3 +227,8 @@ def test_a_report_of_a_part_from_python_names_it(tmp_path):
     found = RunReport.of(record_of(job, scenario, steps), scenario, steps[0].scene)
     assert found.settings["tracker"] == {"kind": "elsewhere:MyConfig", "gain": 2.0}
     assert as_json(found.settings) == found.settings
+
+
+def test_a_path_that_is_no_text_can_be_written():
+    found = json_text({"path": Path(os.fsdecode(b"a\xff"))})
+    assert json.loads(found.encode()) == {"path": "a?"}

@@ -263,6 +263,11 @@ def test_a_robot_knows_its_posture_from_joint_states_and_sends_twists():
     time.sleep(0.2)
     with pytest.raises(Mistake, match=f"^/b/joints: there is no joint '{names[0]}'"):
         robot.posture(12.5)
+    writer.write(messages.JointState(messages.header(12.7, ""), names, [], moved.tolist(), []))
+    time.sleep(0.2)
+    sentence = r"^/b/joints: a joint state has 7 names and 0 positions: send a position for each"
+    with pytest.raises(Mistake, match=sentence):
+        robot.posture(12.7)
     with pytest.raises(Mistake, match=r"^go: expected 6 finite numbers, got "):
         robot.go(np.full(6, np.nan))
     assert abs(robot.clock() - time.time()) < 1.0

@@ -138,7 +138,7 @@ class Step:
     command changes in between.
     """
     posture: Posture
-    """What the robot knew of itself at the time of the frame."""
+    """The robot's exact posture at the time of the frame; the law is given the believed one."""
     limited: bool
     """Whether a joint's range, speed or acceleration limit changes the motion until the next
     frame."""

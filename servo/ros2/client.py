@@ -9,7 +9,7 @@ from cyclonedds.util import duration
 
 import sim.types as values
 from servo.loop.episode import Episode
-from servo.mistake import check_known
+from servo.mistake import Mistake, check_known
 from servo.ros2.messages import (
     CameraInfo,
     CompressedImage,
@@ -156,10 +156,16 @@ class Robot:
         previous call to this one, zero at the first call and if the joint state is no newer.
 
         Raises:
-            Mistake: No joint state has come within 10 s, or it lacks a joint of the model.
+            Mistake: No joint state has come within 10 s, it lacks a joint of the model, or it has
+                another number of positions than of names.
         """
         states = self._reader.read(KEPT) or [first(self._reader, self._topic)]
         state = min(states, key=lambda s: abs(seconds(s.header.stamp) - time))
+        if len(state.position) != len(state.name):
+            raise Mistake(
+                f"{self._topic}: a joint state has {len(state.name)} names and "
+                f"{len(state.position)} positions: send a position for each joint"
+            )
         positions = dict(zip(state.name, state.position, strict=True))
         check_known(self._robot.names, positions, self._topic, "joint")
         self._data.qpos[self._robot.qpos] = [positions[name] for name in self._robot.names]

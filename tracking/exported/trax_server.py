@@ -13,6 +13,7 @@ from tracking import configured
 from tracking.evaluation.warm_up import warm_up
 from tracking.exported.command_line import serve
 from tracking.exported.served import Served
+from tracking.guests.guest import GuestSettings
 from tracking.guests.report import Report, box_around
 from tracking.guests.trax_messages import (
     CONFIDENCE,
@@ -69,7 +70,8 @@ def run_trax(
     """
     out = answers or sys.stdout
     config = configured(kind, preset, **settings)
-    warm_up(config)
+    if not isinstance(config, GuestSettings):
+        warm_up(config)
     for message in _conversation(kind, config, seed, rate, requests or sys.stdin):
         out.write(message.line())
         out.flush()

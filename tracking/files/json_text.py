@@ -40,7 +40,7 @@ def as_json(value: object) -> Any:
         case _ if dataclasses.is_dataclass(value):
             return {f.name: as_json(getattr(value, f.name)) for f in dataclasses.fields(value)}
         case _:
-            return str(value)
+            return as_json(str(value))
 
 
 def json_text(document: object) -> str:

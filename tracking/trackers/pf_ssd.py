@@ -158,9 +158,10 @@ class PfSsd(ParticleTracker):
             ends_there = bool(np.argmin(self._energy(image, both)))
             best = end.state if ends_there else proposed
             state, distance, more = self._hear(self._witness, image, best, time)
+            evaluations += more
             ends_there = state is end.state
             if not ends_there:
-                return state, self._cloud.covariance(), distance, evaluations + more
+                return state, self._cloud.covariance(), distance, evaluations
         elif self._recogniser is None:
             jump = self._velocity.jump(end.state, self._cloud.size)
             self._status = self._loss.judge(end.distance, time, jump)

@@ -55,7 +55,7 @@ class Config:
     zoom: Annotated[float, Ge(1), Le(3)] = 1.4
     """Largest scale of the target; its smallest scale is the inverse."""
     hidden: Annotated[int, Ge(0), Le(100)] = 10
-    """Number of frames in which the target is fully hidden."""
+    """Number of frames in which the target is fully hidden; an even one hides one frame more."""
     away: Annotated[int, Ge(0), Le(100_000)] = 0
     """Number of frames in which the target is out of the picture."""
     noise: Annotated[float, Ge(0), Le(100)] = 3.0

@@ -42,7 +42,8 @@ class Config:
     zoom: Annotated[float, Ge(1), Le(3)] = 1.6
     """Largest scale of the car; its smallest scale is the inverse."""
     speed: Annotated[float, Ge(0), Le(50)] = 6.0
-    """Largest speed [px per frame]; the car also stands still."""
+    """Largest speed on a circle [px per frame]; on the long sides of the curve it is up to a fifth
+    higher. The car also stands still."""
     noise: Annotated[float, Ge(0), Le(100)] = 2.0
     """Standard deviation of the noise of the pictures [grey levels]."""
 
