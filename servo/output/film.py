@@ -50,8 +50,8 @@ PARTS = 16
 
 
 class RunViews:
-    """Draws two pictures for each step of a run: the camera's picture, and the room (the scene from
-    outside).
+    """Draws two pictures for each step of a run, both of the given `size` (width, height) [px]: the
+    camera's picture, and the room (the scene from outside).
 
     The camera's picture has the true outline of the target (white), its goal (red) and its estimate
     (green), and the paths of its true corners so far. The room has the camera's field of view as a
@@ -131,7 +131,8 @@ class RunViews:
 
 class RunFilm:
     """Sink (receiver of the steps of a run) that draws each step as a frame of a film, for an MP4
-    file or for another receiver of frames.
+    file or another receiver of frames (`to`). `end` is the time of the last step [s]; None:
+    unknown.
     """
 
     def __init__(self, to: Path | FrameReceiver, title: str = "", end: float | None = None) -> None:

@@ -83,8 +83,9 @@ class NewestPicture:
 
 @final
 class LightPage:
-    """Web server, at a port of 127.0.0.1, of a page that shows a film as it goes on: each frame
-    that is added to its attribute `pictures` appears on the page.
+    """Web server, at a TCP port of 127.0.0.1, of a page that shows a film as it goes on: each frame
+    that is added to its attribute `pictures` appears on the page. The page is opened in a browser
+    if there is a display.
     """
 
     def __init__(self, port: int) -> None:

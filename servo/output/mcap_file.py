@@ -89,8 +89,9 @@ def check_installed() -> None:
 
 class McapFile:
     """Writer of an MCAP log (a file for Foxglove and ROS 2) with several messages for each frame:
-    picture, depth picture, calibration, outlines, poses, and a row of numbers. In all methods, `at`
-    is the frame's time [ns].
+    picture, depth picture, calibration, outlines, poses, and a row of numbers. The row has the
+    topic `topic`, such as "/step"; `columns` has the ROS type of each of its columns, such as
+    "float64". In all methods, `at` is the frame's time [ns].
     """
 
     def __init__(self, path: Path, topic: str, columns: Mapping[str, str]) -> None:
@@ -265,8 +266,8 @@ class McapFile:
             self._file.check()
 
     def abandon(self) -> None:
-        """Close the file after an error, with as much of the remaining data as the disk takes; no
-        error is raised.
+        """Close the file after an error, with as much of the remaining data as the disk takes;
+        errors of writing are ignored.
         """
         self._writer.close()  # else it complains on stderr when it is deleted
         self._file.close()

@@ -80,10 +80,12 @@ def part(kind: str, **fields: object) -> object:
 
 
 def stamp(at: int) -> object:
-    """Return a time [ns] as builtin_interfaces/Time."""
+    """Return a time [ns] as a ROS 2 message object of the type builtin_interfaces/Time."""
     return part("builtin_interfaces/Time", sec=at // SECOND, nanosec=at % SECOND)
 
 
 def header(at: int, frame: str) -> object:
-    """Return std_msgs/Header with a time [ns] and the name of a coordinate frame."""
+    """Return a ROS 2 message object of the type std_msgs/Header, with a time [ns] and the name of a
+    coordinate frame, such as "camera".
+    """
     return part("std_msgs/Header", stamp=stamp(at), frame_id=frame)

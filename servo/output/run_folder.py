@@ -102,7 +102,8 @@ def _next_free(runs: Path, name: str) -> Path:
 
 class RunFolder:
     """Writer of the files of a run: a row of the table (steps.parquet) for each step as it comes,
-    and report and plots at the end.
+    and report and plots at the end; also a Rerun recording (if `rerun`), and other outputs (`more`,
+    by path of the file or name).
 
     Rows have priority: their space on the disk is reserved, and they are written even if the
     recording no longer can be.

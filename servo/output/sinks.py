@@ -127,8 +127,9 @@ class Timer:
 
 
 class PacedSink:
-    """Sink (receiver of frames) that passes each frame on to another sink when it is due: in real
-    time, or faster or slower by a factor.
+    """Sink (receiver of frames) that passes each frame on to another sink when it is due. `speed`
+    is the number of simulated seconds in a second of the wall clock (1: real time); `time_of`
+    returns the simulated time [s] of a frame.
     """
 
     def __init__(self, sink: Sink, speed: float, time_of: Callable[[Any], float]) -> None:

@@ -274,8 +274,9 @@ def _vector(
 
 
 class StepsTable:
-    """Writer of the table of one run's steps: into the Arrow stream steps.arrows as they come, and
-    at the end into steps.parquet.
+    """Writer of the table of one run's steps in a folder: into the Arrow stream steps.arrows as
+    they come, and at the end into steps.parquet. Space on the disk for all rows of the episode is
+    reserved at the beginning.
     """
 
     def __init__(self, folder: Path, episode: Episode) -> None:

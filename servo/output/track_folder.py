@@ -34,8 +34,9 @@ SPARE = 1 << 18
 
 class TrackFolder:
     """Writer of the files of one track: a row for each picture to track.csv, the same rows to
-    track.parquet at the end, and other outputs such as a recording or a film. If another output
-    fails, the rows are still written.
+    track.parquet at the end, a Rerun recording if `recording`, and other outputs such as a film
+    (`more`, by path of the file or name). If one of the latter fails, the rows are still written.
+    `region` is the target's region in the first picture.
     """
 
     def __init__(

@@ -51,8 +51,9 @@ def contender(
 
 @dataclass(frozen=True, slots=True)
 class CachedPainting(Generated):
-    """A kind of painted (synthetic) sequence with its settings. The pictures of the sequence that
-    `build` returned last are kept in memory, because painting takes longer than tracking.
+    """A kind of painted (synthetic) sequence with its settings, cut to its first `pictures`
+    pictures (None: not cut). The pictures of the sequence that `build` returned last are kept in
+    memory, because painting takes longer than tracking.
     """
 
     pictures: int | None = None

@@ -381,8 +381,9 @@ def _judge_layers(evidence: Evidence) -> Verdict:
 
 def judged(before: Array, after: Array, still: Array) -> Verdict:
     """Return the verdict on the claim that mean shift (the climb) contracts the particles, from
-    their mean distances to their nearest neighbours. It holds if the mean ratios of `after` to
-    `before` and to `still` are below 1, with their 95 % intervals, in every layer of annealing.
+    their mean distances to their nearest neighbours. It holds if the geometric mean ratios of
+    `after` to `before` and to `still` are below 1, with their whole 95 % intervals, in every layer
+    of annealing.
 
     Args:
         before: Distances before the climb of each layer, the broadest layer first (sequences,

@@ -166,8 +166,8 @@ def doubts_of(scenario: Scenario) -> list[str]:
 
 
 def doubtful_bounds(bounds: Mapping[str, object], setup: Setup, place: str = "expect") -> list[str]:
-    """Return a sentence for each bound that no run can keep, or that every run keeps, such as 200
-    deg.
+    """Return a sentence for each bound that no run can keep, such as -1 px, or that every run
+    keeps, such as 200 deg.
 
     Args:
         bounds: Upper bounds by measure, in the measure's unit; other keys, such as "outcome", are

@@ -23,8 +23,9 @@ TRYING = 15.0
 
 
 class Workers(ExitStack):
-    """Context manager of the worker processes that do tasks; they start with the first task and end
-    with the block. With one worker, tasks are done in this process.
+    """Context manager of the worker processes that do tasks: `count` processes on this machine
+    (with 1, tasks are done in this process) or, if it is given, those of the Dask cluster whose
+    `scheduler` has this address. They start with the first task and end with the block.
     """
 
     def __init__(self, count: int = 1, scheduler: str | None = None) -> None:

@@ -123,9 +123,11 @@ class Study:
 
     def samples(self) -> Iterator[Job]:
         """Yield jobs with which the settings can be checked before the study is run, all with
-        number 0 and the first seed. For each scenario, every value of an axis, and every value in
-        `Draw.ends` of a drawn setting, occurs in at least one job; all other settings of that job
-        have their first value.
+        number 0 and the first seed.
+
+        For each scenario, every value of an axis occurs in at least one job, and so do the ends of
+        each range from which a setting is drawn (or the mean of a normal distribution, or all
+        choices). The other settings of that job have the first of their values.
         """
         varied = {a.key: a.values for a in self.axes} | {d.key: d.ends for d in self.draws}
         first = {key: values[0] for key, values in varied.items()}
@@ -256,10 +258,11 @@ def _span(law: str, numbers: tuple[Any, ...], at: str) -> list[float]:
 
 
 def check_apart(keys: Mapping[str, str], place: str) -> None:
-    """Check that a study does not set a whole table and also a setting in it.
+    """Check that a study does not set a whole table, such as "tracker", and also a setting in it,
+    such as "tracker.kind".
 
     Args:
-        keys: Place of each setting in the study, by dotted key.
+        keys: Where each setting or table stands in the study, such as "set.tracker", by dotted key.
         place: The study's file, which begins the message.
 
     Raises:

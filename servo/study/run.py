@@ -46,11 +46,11 @@ class Subject(Protocol):
         ...
 
     def perform(self, job: "Job", folder: Path) -> "Record":
-        """Run a job and return the record of its results; `Job.run` calls it in a worker process.
+        """Run a job and return its record (the results); `Job.run` calls it in a worker process.
 
         Args:
-            job: The job, whose `subject` is this object; it has the seed and the values of the
-                study's axes and drawn settings.
+            job: The job, whose `subject` is this object; it has the seed, and the values of the
+                settings that the study varies or draws at random.
             folder: The study's folder, into which further files, such as a tracker's estimates, may
                 be written.
         """
@@ -60,9 +60,9 @@ class Subject(Protocol):
 @dataclass(frozen=True, slots=True)
 class Job:
     """One run that a study still has to make: what is run (`subject`), its seed, and its values of
-    the study's axes and drawn settings by name (`settings`). `number` is its place in the study,
-    from 0; if `pictured`, the record gets an image with pictures of the run. Jobs are sent to
-    worker processes.
+    the settings that the study varies or draws at random, by name (`settings`). `number` is its
+    place in the study, from 0; if `pictured`, the record gets an image with pictures of the run.
+    Jobs are sent to worker processes.
     """
 
     number: int

@@ -72,8 +72,9 @@ class LoadedScenario:
         return {"scenario": self.name, "table": self.scenario.table}
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the scenario with its own settings and seed, and return the record, which has the
-        number, seed, settings and command of the job. No file is written into `folder`.
+        """Run the scenario with its own settings and seed, and return the record (the results),
+        which has the number, seed, settings and command of the job. No file is written into
+        `folder`.
         """
         return _performed(job, self.scenario, {})
 
@@ -111,7 +112,8 @@ class StudiedScenario:
 
         Args:
             seed: The run's seed, which becomes run.seed.
-            settings: Values of the study's axes and drawn settings, by name.
+            settings: The run's values of the settings that the study varies or draws at random, by
+                name.
 
         Raises:
             Mistake: The path of a setting leads through a value that is no table.
@@ -130,7 +132,8 @@ class StudiedScenario:
 
         Args:
             seed: The run's seed.
-            settings: Values of the study's axes and drawn settings, by name.
+            settings: The run's values of the settings that the study varies or draws at random, by
+                name.
 
         Raises:
             Mistake: A setting, or a bound on a measure in [expect], is not valid.
@@ -142,7 +145,8 @@ class StudiedScenario:
 
         Args:
             seed: The run's seed.
-            settings: Values of the study's axes and drawn settings, by name.
+            settings: The run's values of the settings that the study varies or draws at random, by
+                name.
         """
         changes = _ordered(self.changes | self._own(settings))
         return command_line(
@@ -150,8 +154,8 @@ class StudiedScenario:
         )
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the scenario with the seed and the settings of a job, and return the record. No file
-        is written into `folder`.
+        """Run the scenario with the seed and the settings of a job, and return the record (the
+        results). No file is written into `folder`.
 
         Raises:
             Mistake: A setting is not valid, a component fails, a package that the scenario needs is

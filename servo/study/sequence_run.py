@@ -181,8 +181,8 @@ class TrackedSequence:
         return folder / TRACKS / self.contender.label / f"{self.name}-{seed}.csv"
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Let the tracker follow the sequence with the seed of a job, and return the record; the
-        estimates are written to the file `track_path` in `folder`.
+        """Let the tracker follow the sequence with the seed of a job, and return the record (the
+        results). The tracker's estimates are written to the file `track_path` in `folder`.
 
         Raises:
             OSError: That file cannot be written.

@@ -360,8 +360,9 @@ def _elsewhere(name: str, there: str | None, here: str) -> str:
 
 
 class Store:
-    """The records in a study's folder: finds, reads, adds and exports them. `done` has the keys of
-    the jobs that have a valid record; it is empty until `find` is called.
+    """The records (results of runs) in a study's folder: finds, reads, adds and exports them.
+    `done` has the keys of the jobs that have a valid record; it is empty until `find` is called.
+    Without an open `database` the folder is only read.
     """
 
     def __init__(self, folder: Path, database: sqlite3.Connection | None = None) -> None:

@@ -21,9 +21,11 @@ Trial = tuple[Table, int]
 
 
 class Trials:
-    """Callable object that runs a scenario with given settings and seeds, and returns the records.
-    The folder keeps the record of each run by its settings and seed, so that a command that is
-    given again repeats no run.
+    """Callable object that runs a scenario in worker processes, with given settings and seeds, and
+    returns the records (the results). It calls `ended` with a note after each run.
+
+    The folder (`store`) keeps the record of each run by its settings and seed, so that a command
+    that is given again repeats no run.
     """
 
     def __init__(

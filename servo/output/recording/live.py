@@ -44,7 +44,8 @@ PROGRAM = str(Path(rerun_cli.__file__).parent / f"rerun{'.exe' * (sys.platform =
 @final
 class LiveViewer(Recording):
     """Rerun's server of one recording on 127.0.0.1, and a viewer that is connected to it: Rerun's
-    window, or a page in a browser (`web`).
+    window, or a page in a browser (`web`). `port` is the TCP port of the data, and the next one is
+    that of the page. `recording` is a file to serve; None: what is logged is served.
     """
 
     def __init__(self, *, web: bool, port: int, recording: Path | None = None) -> None:

@@ -86,7 +86,8 @@ class Lines:
 
 class RerunLog:
     """Sink (receiver of the steps of a run) that writes pictures, poses, plots and events of each
-    step into a Rerun recording.
+    step of an episode into a Rerun recording, at least about once in `every` seconds of the wall
+    clock.
     """
 
     def __init__(self, recording: Recording, episode: Episode, every: float = 1.0) -> None:
@@ -118,8 +119,8 @@ class RerunLog:
 
     def add(self, step: Step) -> None:
         """Log a step. Its events, such as a lost target, are logged at once; its picture is sent
-        together with nine others, and its poses and values with those of other steps, once in
-        `every` seconds.
+        together with up to nine others, and its poses and values with those of other steps, about
+        once in `every` seconds (see the class).
 
         Raises:
             Refused: The destination takes no more data, such as a full disk.

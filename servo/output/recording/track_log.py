@@ -18,7 +18,8 @@ from tracking.types import Region
 
 class TrackLog:
     """Sink (receiver of the pictures of a track) that writes each picture, with the tracker's
-    estimate and the true outline, into a Rerun recording.
+    estimate and the true outline, into a Rerun recording. `region` is the target's region in the
+    first picture; `every` is the wall-clock time between two flushes [s].
     """
 
     def __init__(self, recording: Recording, region: Region, every: float = 1.0) -> None:
