@@ -127,7 +127,7 @@ class DrawnShare:
         """Return the least number of runs that should end as expected: the success rate times the
         number of runs, rounded down. With a rate of 0.9 it is nine of ten runs, and none of one.
         """
-        return int(self.success_rate * self.seeds)
+        return int(self.success_rate * self.seeds + ROUNDING)  # 0.29 of 100 is 29
 
     def __str__(self) -> str:
         found = f"{self.ended} of {self.seeds} drawn seeds ended as expected"

@@ -145,8 +145,10 @@ class Recorded:
         Raises:
             ValueError: The folder or a truth file in it cannot be read any more.
         """
-        found = read_all(self.folder, RATE, self.truth_format)
-        return next(s for s in found if s.name == self.name)
+        for found in read_all(self.folder, RATE, self.truth_format):
+            if found.name == self.name:
+                return found
+        raise ValueError(f"{self.folder}: the sequence '{self.name}' is no longer there: restore it")
 
 
 Entry = Generated | Recorded
