@@ -13,6 +13,7 @@ from matplotlib import pyplot as plt
 from PIL import Image
 
 import servo
+from servo.bench.benchmark import Band, load
 from tracking.drawing import colours
 from tracking.drawing.contact_sheet import outline
 
@@ -21,6 +22,8 @@ TUTORIALS = Path("servo/tutorials/pictures")
 BLUE = "#1f5fa8"
 RED = "#c03020"
 GREY = "#5c6570"
+SHOWN_WORLD = 25
+"""Number of the world of goal-v1 that is shown of each condition."""
 
 
 def saved(figure: plt.Figure, name: str, folder: Path = PICTURES) -> None:
@@ -274,7 +277,21 @@ def goal_picture() -> None:
     saved(figure, "goal_picture.jpg")
 
 
-PARTS = (goal_picture, contrast, hand_follow, environment, photographs, ros2, drivers)
+def goal_worlds() -> None:
+    """Of each condition of goal-v1 a world to tune on: the picture at the goal, and the first one."""
+    benchmark = load("goal-v1")
+    figure, axes = plt.subplots(6, 3, figsize=(8, 12.6), layout="constrained")
+    for k, condition in enumerate(benchmark.conditions):
+        world = benchmark.worlds_of(condition, Band())[SHOWN_WORLD]
+        above, below = axes[2 * (k // 3) : 2 * (k // 3) + 2, k % 3]
+        scenario = benchmark.scenario_of(world, benchmark.home["orb"])
+        with servo.Episode(scenario) as episode:
+            shown(above, episode.goal_picture, f"{condition.name}: at the goal")
+            shown(below, next(iter(episode)).frame.image, "the first picture")
+    saved(figure, "goal_worlds.jpg")
+
+
+PARTS = (goal_picture, goal_worlds, contrast, hand_follow, environment, photographs, ros2, drivers)
 DRAWN = {one.__name__: one for one in PARTS}
 
 if __name__ == "__main__":
