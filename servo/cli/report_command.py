@@ -37,8 +37,8 @@ ONLY_STUDIES = "--measures is only for folders of sweep and compare: leave out -
 
 @dataclass(frozen=True, slots=True)
 class Printed:
-    """Options of `servobench report`: which tables (LaTeX) and figures to write beside the page.
-    None: no such file.
+    """Options of `servobench report` about files to write beside the page: its tables as LaTeX, and
+    its figures; by default none are written.
     """
 
     latex: Path | None = None
