@@ -63,8 +63,8 @@ def figures(study: StudyResults) -> list[Figure]:
     """Return figures over time: of the errors [px], and of the share of runs whose tracker is still
     on the target. Each value of the axis that the study compares has a colour.
 
-    Runs of different scenarios or durations are in different figures, up to six of them, unless
-    these are compared.
+    Runs of different scenarios or durations, of which the first six are drawn, are in different
+    figures, unless the study compares scenarios or durations.
     """
     keys = [key for key in APART if key in study.axes and key != study.compared]
     parts = grouped(keys, study.rows)
