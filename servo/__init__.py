@@ -1,8 +1,8 @@
 """Visual servoing in closed loop: scenarios, features, estimators, control laws, runs, studies,
 their reports, benchmarks, and the command line.
 
-The names for users (`servo.__all__`) can be imported from here; the module of a name is loaded when
-the name is first used::
+All names for users (`servo.__all__`) can be imported from `servo`; the module that defines a name
+is loaded when the name is first used::
 
     import servo
 

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 
 @contextmanager
 def closing(*closers: Callable[[], object]) -> Generator[None]:
-    """Call all functions in order when the block has ended, even if the block or one of them raises
-    an exception.
+    """Context manager: when its block has ended, call the given functions in order and without
+    arguments, even if the block or one of the functions raises an exception.
 
     Raises:
         BaseException: The first exception that the block or one of the functions raised.

@@ -37,7 +37,7 @@ MOST = 2**63 - 1
 
 
 class BrokenContract(AssertionError):
-    """Error: a component, such as a tracker, breaks its contract; its sentence says what is wrong
+    """Error: a component, such as a tracker, breaks its contract; the message says what is wrong
     and what would be right.
     """
 
@@ -58,11 +58,11 @@ def require(holds: object, sentence: str, *values: object) -> None:
 
 
 def require_type(value: object, kind: type[Value], method: str) -> Value:
-    """Return a value that a component's method returned, if it has the required type.
+    """Return a value that a component's method returned, unchanged, after checking its type.
 
     Args:
         value: The returned value.
-        kind: The required type.
+        kind: The required type; subclasses are accepted.
         method: Name of the method, for the message.
 
     Raises:
@@ -78,8 +78,8 @@ def require_type(value: object, kind: type[Value], method: str) -> Value:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """The condition for one field of a value that a component returned: the field's name, a
-    function that tests its value, and the end of the error's sentence, which says what is right.
+    """A condition on one field of an object that a component returned, with the words for the error
+    message if the field breaks it.
     """
 
     field: str
@@ -91,7 +91,7 @@ class Rule:
 
 
 def require_fields(value: object, rules: Iterable[Rule], prefix: str = "") -> None:
-    """Check the fields of a value by rules, one after the other.
+    """Check the fields of an object by rules, one after the other.
 
     Args:
         value: The object that has the fields.
@@ -112,12 +112,12 @@ def require_fields(value: object, rules: Iterable[Rule], prefix: str = "") -> No
 
 
 def is_array(values: object, shape: tuple[int, ...], *, finite: bool = True) -> bool:
-    """Return whether a value is a NumPy array of floats or integers (no flags) with a shape.
+    """Return True if an object is a NumPy array of floats or integers (not booleans) with a shape.
 
     Args:
         values: Any object.
         shape: The required shape.
-        finite: Whether nan and infinities are refused.
+        finite: Whether all numbers must be finite; False: nan and infinities are allowed.
     """
     return (
         isinstance(values, np.ndarray)
@@ -252,21 +252,22 @@ POSE = (
 
 
 def check_estimate(estimate: object, *_: object) -> None:
-    """Check the estimate that a tracker returned for a picture.
+    """Check the estimate that a tracker's method `update` returned for a picture; further arguments
+    are ignored.
 
     Raises:
-        BrokenContract: The estimate is no `Estimate`, or one of its fields is invalid.
+        BrokenContract: The object is no `Estimate`, or one of its fields is invalid.
     """
     require_fields(require_type(estimate, Estimate, "update"), ESTIMATE)
 
 
 def outline_fault(outline: Array) -> str:
-    """Return a sentence on what is wrong with the corners of a reference rectangle; "" if they are
-    valid.
+    """Return a sentence on what is wrong with the corners of a target's reference rectangle; "" if
+    they are valid.
 
     Args:
-        outline: Corners (4, 3) in the target's frame [m], which should be those of a level
-            rectangle, clockwise as seen from above.
+        outline: Corners (4, 3) in the target's frame [m]. They are valid if they form a rectangle,
+            have the same z, and are in clockwise order as seen from above (from +z).
     """
     given = np.asarray(outline, float)
     sides = np.diff(given, axis=0, append=given[:1])
@@ -284,17 +285,18 @@ def outline_fault(outline: Array) -> str:
 
 
 def check_features(features: FeatureSet, method: str, found: object, *_: object) -> None:
-    """Check the array that a method of a feature set returned.
+    """Check the array that a method of a feature set returned; further arguments are ignored.
 
     Args:
         features: The feature set, with k names.
-        method: "matrix" must return (k, 6), the other methods (k,).
+        method: Name of the method: "matrix", whose array must be (k, 6), or "values", "error",
+            "known" or "scales", whose array must be (k,).
         found: The returned value.
 
     Raises:
-        BrokenContract: The value is no array of this shape; `known` returned other values than
-            flags; another method returned values that are no numbers, an infinite one, or nan
-            (which only `error` may return); or `scales` one that is not above 0.
+        BrokenContract: The value is no array of this shape; `known` returned something else than
+            booleans; another method returned something else than finite numbers (only `error` may
+            return nan); or `scales` returned a number that is not above 0.
     """
     k = len(features.names)
     shape = (k, 6) if method == "matrix" else (k,)
@@ -311,8 +313,8 @@ def check_features(features: FeatureSet, method: str, found: object, *_: object)
 
 
 def require_array(found: object, shape: tuple[int, ...], method: str) -> Array:
-    """Return a value that a component's method returned, if it is a NumPy array with the required
-    shape.
+    """Return a value that a component's method returned, unchanged, after checking that it is a
+    NumPy array with the required shape; the type of its elements is not checked.
 
     Args:
         found: The returned value.
@@ -330,12 +332,13 @@ def require_array(found: object, shape: tuple[int, ...], method: str) -> Array:
 
 def check_names(features: FeatureSet) -> None:
     """Check the names of a feature set and the properties that belong to them: units, noise,
-    feed_forward, and sole_dof (the degree of freedom that a feature alone controls).
+    feed_forward, and sole_dof (which names the degree of freedom that a feature alone controls).
 
     Raises:
-        BrokenContract: The names are not different texts; units or noise have an entry too few or
-            too many; feed_forward or sole_dof names an unknown feature; a noise is not above 0; or
-            a value of sole_dof is no degree of freedom.
+        BrokenContract: There are no names, or they are not different strings; there are more or
+            fewer units or noises than names; feed_forward or sole_dof names an unknown feature; a
+            noise is not a finite number above 0; or a value of sole_dof is none of "vx", "vy",
+            "vz", "wx", "wy", "wz".
     """
     names = features.names
     k = len(names)
@@ -367,13 +370,14 @@ def check_names(features: FeatureSet) -> None:
 
 
 def check_prediction(method: str, prediction: object, given: Array | OwnMotion, *_: object) -> None:
-    """Check the prediction that an estimator returned.
+    """Check the prediction that an estimator returned; further arguments are ignored.
 
     Args:
-        method: "update" or "skip"; the latter has no measurement, so no innovation.
+        method: Name of the called method: "update", or "skip", which gets no measurement and so has
+            no innovation.
         prediction: The returned value.
-        given: First argument of the call, which has the number k of features: the error (k,), or
-            the camera's own motion.
+        given: First argument of the call, from which the number k of features is taken: the error
+            (k,) for "update", the camera's own motion for "skip".
 
     Raises:
         BrokenContract: The value is no `Prediction`, `error` or `motion` is not k finite numbers,
@@ -422,11 +426,11 @@ def _trace_rules(k: int) -> tuple[Rule, ...]:
 
 
 def check_command(command: object, *_: object) -> None:
-    """Check the command that a controller returned.
+    """Check the command that a controller returned; further arguments are ignored.
 
     Raises:
-        BrokenContract: The command is no `Command`, one of its fields is invalid, or `features`,
-            `error`, `scales` or `own` of its trace are not the same number of numbers.
+        BrokenContract: The object is no `Command`, one of its fields is invalid, or the arrays
+            `features`, `error`, `scales` and `own` of its trace are not (k,) with the same k.
     """
     c = require_type(command, Command, "command")
     require_fields(c, COMMAND)
@@ -435,8 +439,12 @@ def check_command(command: object, *_: object) -> None:
 
 
 def check_same_features(command: Command, names: tuple[str, ...]) -> None:
-    """Check that a command's trace has as many features as its scenario, which has features with
-    these names. A command without a trace is accepted.
+    """Check that a command's trace (its intermediate results) has as many features as the run's
+    feature set. A command without a trace is accepted.
+
+    Args:
+        command: The command that a controller returned.
+        names: Names of the features of the run's feature set.
 
     Raises:
         BrokenContract: The trace has another number of features.
@@ -452,7 +460,11 @@ def check_same_features(command: Command, names: tuple[str, ...]) -> None:
 
 
 def check_pose(pose: object, time: float) -> None:
-    """Check the pose of the target that a motion returned for a time [s].
+    """Check the pose of the target that a motion returned.
+
+    Args:
+        pose: The returned object.
+        time: The time for which it was returned [s], for the message.
 
     Raises:
         BrokenContract: The object is no `Pose`, its translation is not three finite numbers, or its
@@ -468,11 +480,16 @@ def check_pose(pose: object, time: float) -> None:
 
 
 def check_effect(effect: object, time: float) -> None:
-    """Check the effect on image, light and scene that a disturbance returned for a time [s].
+    """Check the effect on image, light and scene that a disturbance returned.
+
+    Args:
+        effect: The returned object.
+        time: The time for which it was returned [s].
 
     Raises:
-        BrokenContract: The object is no `Effect`, a brightness factor in it is below 0 or not
-            finite, or it changes something before time 0.
+        BrokenContract: The object is no `Effect`; a brightness factor (`gain` or `lamp`) is not a
+            number from 0 to 1e9; or the effect for a negative time is not `Effect()`, which changes
+            nothing.
     """
     e = require_type(effect, Effect, "at")
     require_fields(e, EFFECT)
@@ -516,8 +533,9 @@ def check_built(place: str, built: object) -> None:
     Raises:
         BrokenContract: The component lacks a method that components of its section must have;
             properties of a feature set do not fit its names (see `check_names`); a controller has a
-            method `aim`, or a disturbance no tuple `props`; a robot or target has another type; or
-            a target's outline is no level rectangle.
+            method `aim`, or a disturbance has no tuple `props`; a robot is no `Design`, or a target
+            no `Target`; or a target's outline is not the corners of a rectangle of one height (see
+            `outline_fault`).
     """
     kind = type(built).__name__
     for name in _checks_of(place, built):
@@ -547,8 +565,12 @@ def check_built(place: str, built: object) -> None:
 
 
 def check_sees(config: object, built: object) -> None:
-    """Check that a component has a method `see` if its `Config` declares in `needs` a channel whose
-    data only this method delivers: `Channel.TRUTH`, `TRUE_MOTION` or `SEEN`.
+    """Check that a component has a method `see` if its settings declare in `needs` a channel (a
+    kind of data) that only this method delivers: `Channel.TRUTH`, `TRUE_MOTION` or `SEEN`.
+
+    Args:
+        config: The component's settings.
+        built: The component.
 
     Raises:
         BrokenContract: Such a channel is declared, and the component has no method `see`.
@@ -576,12 +598,14 @@ def _check_model(place: str, built: object) -> None:
 
 
 def check_followed(features: FeatureSet, estimate: Estimate, goal: Sight) -> None:
-    """Check that at least one feature can be measured with what a tracker follows (the target's
-    angle, size, corners), which its first estimate reports.
+    """Check that at least one feature can be measured with what a tracker follows: the target's
+    angle and its size, each also by the target's corners. A tracker that follows both always
+    passes.
 
     Args:
         features: The feature set.
-        estimate: The tracker's first estimate of a visible target.
+        estimate: The tracker's first estimate of a visible target, which says what the tracker
+            follows.
         goal: The desired view of the target.
 
     Raises:
@@ -650,15 +674,16 @@ def guarded(
     *,
     checked: bool = True,
 ) -> Built:
-    """Return a wrapper of a component that checks what its methods return: a call that returns
-    something invalid raises BrokenContract.
+    """Return a wrapper of a component that checks what the component's methods return: a call that
+    returns something invalid raises BrokenContract. All attributes of the component can be used
+    through the wrapper.
 
     Args:
         part: The component that a `Config` built.
         place: Name of its section in a scenario, such as "tracker".
-        blame: Called with the exception of a call, also with a BrokenContract, and the name of the
-            method; it may raise another exception, which names the component. Otherwise the
-            exception passes unchanged.
-        checked: False: returned values are not checked.
+        blame: Called with each exception of a method, also a BrokenContract, and the name of the
+            method; it may raise another exception, which names the component. If it returns, the
+            original exception is raised.
+        checked: False: returned values are not checked; `blame` is still called.
     """
     return cast(Built, _Guarded(part, _checks_of(place, part) if checked else {}, blame))

@@ -47,8 +47,11 @@ class Mistake(ValueError):
 
 
 class Refused(RuntimeError):
-    """Error of a failure of the machine, such as a full disk, as one sentence; the command then
-    exits with 1.
+    """Error of a failure of the machine, such as a full disk, as one sentence; a command that it
+    ends exits with 1.
+
+    Line breaks and control characters in the sentence are replaced by their escape sequences; of a
+    sentence with over 2000 characters the middle is left out.
     """
 
     def __init__(self, sentence: str) -> None:
@@ -56,8 +59,8 @@ class Refused(RuntimeError):
 
 
 def unwritable(place: object, error: OSError, what: str = "to this folder") -> Mistake | Refused:
-    """Return the exception that says why a file cannot be written: `Mistake` if the user can change
-    it, such as by another folder, and `Refused` if the machine fails, such as by a full disk.
+    """Return the exception, to be raised, that says why a file cannot be written: `Refused` if the
+    disk is full or fails or too many files are open, else `Mistake`, which advises another place.
 
     Args:
         place: File or folder that was to be written.
@@ -72,7 +75,7 @@ def unwritable(place: object, error: OSError, what: str = "to this folder") -> M
 
 @contextmanager
 def writing(place: object, what: str = "to this folder") -> Generator[None]:
-    """Turn an error of the operating system in the block, which writes files, into a `Mistake` or
+    """Context manager that turns an OSError in its block, which writes files, into a `Mistake` or
     `Refused` with one sentence.
 
     Args:
@@ -80,8 +83,8 @@ def writing(place: object, what: str = "to this folder") -> Generator[None]:
         what: Words after "cannot write" in the sentence.
 
     Raises:
-        Mistake: The user can change the cause, such as by another folder.
-        Refused: The machine fails, such as by a full disk.
+        Refused: The disk is full or fails, or too many files are open.
+        Mistake: There is any other error of the operating system, such as a missing permission.
     """
     try:
         yield
@@ -91,7 +94,9 @@ def writing(place: object, what: str = "to this folder") -> Generator[None]:
 
 @contextmanager
 def as_mistake() -> Generator[None]:
-    """Turn a ValueError in the block into a `Mistake` with the same sentence."""
+    """Context manager that turns a ValueError in its block into a `Mistake` with the same
+    sentence.
+    """
     try:
         yield
     except Mistake:
@@ -106,7 +111,7 @@ def check_suffix(path: Path, *suffixes: str) -> None:
 
     Args:
         path: The file.
-        suffixes: Allowed endings in small letters, such as ".png".
+        suffixes: Allowed endings in small letters and with the dot, such as ".png".
 
     Raises:
         Mistake: The name has another ending.
@@ -116,10 +121,11 @@ def check_suffix(path: Path, *suffixes: str) -> None:
 
 
 def check_rules(*rules: tuple[bool, str]) -> None:
-    """Check rules that an input has to keep.
+    """Check rules that an input has to keep, in order.
 
     Args:
-        *rules: Pairs of a condition that is true if the rule is broken, and a sentence.
+        *rules: Pairs (condition, sentence): the condition is True if the rule is broken, and the
+            sentence says so.
 
     Raises:
         Mistake: A rule is broken; the sentence is that of the first one.
@@ -130,8 +136,8 @@ def check_rules(*rules: tuple[bool, str]) -> None:
 
 
 def refusal(error: OSError) -> str:
-    """Return a sentence for an error of the operating system: the file, if the error has one, and
-    the reason.
+    """Return a sentence for an error of the operating system: "FILE: REASON", or the reason alone
+    if the error names no file.
     """
     why = error.strerror or str(error)
     return why if error.filename is None else f"{error.filename}: {why}"
@@ -160,7 +166,8 @@ def one_line(sentence: str) -> str:
 
 def unknown(key: str, known: Iterable[str], what: str = "key") -> str:
     """Return the sentence for a name that does not exist, with the most similar known name, or with
-    all known names if none is similar. Without known names it says that this kind has no settings.
+    all known names if none is similar. If there are no known names, it says that this kind of
+    component has no settings.
 
     Args:
         key: The name that was given.
@@ -183,7 +190,7 @@ def check_known(
     Args:
         names: The names that the user gave.
         known: All names that exist.
-        place: The file or option with these names; it begins the sentence.
+        place: The file or option with the given names; it begins the sentence.
         what: The noun for such a name, such as "claim".
 
     Raises:

@@ -1,4 +1,4 @@
-"""Shows progress bars, tables, pictures and films in a notebook, as HTML."""
+"""Progress bars, tables, pictures and films in a Jupyter notebook, as HTML."""
 
 import base64
 import sys
@@ -20,8 +20,8 @@ INTERVAL = 0.2
 
 
 class Advance(Protocol):
-    """Protocol of a function that sets a progress bar: the number of steps that are done, and a
-    note beside the bar.
+    """Protocol of a function that moves a progress bar: it is called with the number of steps that
+    are done so far, and a note to show beside the bar.
     """
 
     def __call__(self, done: int, note: str = "") -> None: ...
@@ -29,16 +29,16 @@ class Advance(Protocol):
 
 @contextmanager
 def progress(title: str, total: int) -> Generator[Advance]:
-    """Show a progress bar in a notebook, and remove it when the block ends; outside a notebook do
-    nothing.
+    """Context manager that shows a progress bar in a notebook, and removes it when its block ends;
+    outside a notebook it shows nothing.
 
     Args:
         title: Text beside the bar.
         total: Number of steps of a full bar.
 
     Yields:
-        A function that sets the number of steps that are done, and a note beside the bar; a call
-            within 0.2 s of the last update has no effect.
+        A function that sets the number of steps that are done so far, and a note beside the bar; a
+        call within 0.2 s of the last shown one has no effect.
     """
     if not in_notebook():
         yield _nothing
@@ -64,7 +64,7 @@ def _nothing(done: int, note: str = "") -> None:
 
 
 def in_notebook() -> bool:
-    """Return whether this process is the kernel of a notebook."""
+    """Return True if this process is the IPython kernel of a notebook."""
     shell: Any = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     return shell is not None and getattr(shell, "kernel", None) is not None
 
@@ -81,8 +81,8 @@ def frame_of(table: pa.Table) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class TextTable:
-    """An Arrow table, `arrow`, that prints as text with its rows and columns, for users without
-    pandas. Its other attributes are those of the Arrow table.
+    """An Arrow table that prints as text with its rows and columns, and is shown as HTML by a
+    notebook, for users without pandas. Its other attributes are those of the Arrow table.
     """
 
     arrow: pa.Table
@@ -108,7 +108,7 @@ class TextTable:
 
 
 def html_table(table: Table) -> str:
-    """Return a table of texts as an HTML table."""
+    """Return the HTML code of a table of texts; special characters of HTML are escaped."""
 
     def row(cells: Sequence[Cell], tag: str) -> str:
         return f"<tr>{''.join(f'<{tag}>{_text(c)}</{tag}>' for c in cells)}</tr>"
@@ -122,13 +122,15 @@ def _text(cell: Cell) -> str:
 
 
 def html_picture(png: bytes) -> str:
-    """Return an HTML image that holds a PNG file."""
+    """Return the HTML code of an image that holds a PNG file, given the bytes of the file."""
     return (
         f'<img style="max-width:100%" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
     )
 
 
 def html_film(mp4: bytes) -> str:
-    """Return an HTML video that holds an MP4 file."""
+    """Return the HTML code of a video player that holds an MP4 file, given the bytes of the
+    file.
+    """
     source = f"data:video/mp4;base64,{base64.b64encode(mp4).decode()}"
     return f'<video controls loop style="max-width:100%" src="{source}"></video>'

@@ -42,8 +42,8 @@ class FeatureSet(Protocol):
 
     @property
     def noise(self) -> Array:
-        """Standard deviation (k,) of each feature's noise from frame to frame, divided by `scales`:
-        estimators weigh the features by it.
+        """Standard deviation (k,) of each feature's noise from frame to frame, in the feature's
+        unit divided by `scales`: estimators weigh the features by it.
         """
         ...
 
@@ -74,21 +74,24 @@ class FeatureSet(Protocol):
         ...
 
     def error(self, values: Array, goal: Array) -> Array:
-        """Return the error e (k,): values minus goal, with differences of angles wrapped to a full
-        turn, or to half a turn where front and back of the target look alike.
+        """Return the error e (k,) in `units`: values (k,) minus goal (k,), where differences of
+        angles are wrapped to half a turn each way (-pi to pi), or to a quarter (-pi/2 to pi/2)
+        where front and back of the target look alike.
         """
         ...
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return True (k,) for each feature that is measured in this view of the target; the law
-        does not servo the others.
+        """Return flags (k,): True for each feature that is measured in this view of the target; the
+        law does not servo the others.
         """
         ...
 
     def scales(self, goal: Array) -> Array:
         """Return the numbers (k,), 1 for angles, by which errors of the features are divided before
-        an estimator gets them, so that its constants hold for any target and depth. They are
-        computed from the features (k,) at the goal.
+        an estimator gets them, so that the estimator's constants hold for any target and depth.
+
+        Args:
+            goal: The features (k,) in the desired view, from which the numbers are computed.
         """
         ...
 
@@ -101,14 +104,14 @@ class OwnInverse(Protocol):
     """
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, k) that replaces the pseudo-inverse L# in the law v = -lambda L# e,
-        with the feature error e (k,) and the camera twist v (6,).
+        """Return the matrix (6, k) that replaces the pseudo-inverse L# in the law v = -gain L# e,
+        with the feature error e (k,) and the camera twist v (6,) in the camera frame [m/s, rad/s].
 
         Args:
             L: The interaction matrix (k, 6): that of the present view, of the goal or their mean,
                 as the law's settings choose.
             values: The features (k,), in their units, as they were last measured.
-            camera: Intrinsics and image size.
+            camera: Intrinsics and image size [px].
         """
         ...
 
@@ -127,11 +130,11 @@ class FeaturesConfig(Protocol):
 
 
 class Estimator(Protocol):
-    """Estimates the part of de/dt that the target's own motion causes, so that the law can
-    compensate it.
+    """Protocol of an estimator of the part of de/dt (the rate of the feature error) that the
+    target's own motion causes, so that the law can compensate it.
 
-    A new estimator is a class with these methods, built by a `Config` with `build(rng)`. After
-    each frame the law calls `update`, or `skip` if the target was not seen, and subtracts the
+    A new estimator is a class with these methods, built by a `Config` with `build(rng)`. After each
+    frame the law calls `update`, or `skip` if the target was not seen, and subtracts the
     prediction's motion: v = -L# (gain e + de/dt).
 
     >>> from servo.estimators import KINDS
@@ -140,8 +143,8 @@ class Estimator(Protocol):
     True
 
     All errors and motions are divided by `FeatureSet.scales`. An estimator whose `Config` declares
-    `Channel.SEEN` also has a method `see(view)`, called before each of the others: `view.seen` is
-    False if the target is not seen in the picture, so that the estimator can discard its last
+    `Channel.SEEN` also has a method `see(view)`, called before each `update` or `skip`: `view.seen`
+    is False if the target is not seen in the picture, so that the estimator can discard its last
     measurement, of a target that was perhaps partly hidden; it is None without a new picture.
     """
 
@@ -149,19 +152,21 @@ class Estimator(Protocol):
         """Begin a run with a feature set, whose errors are given to `update` after each picture."""
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Return the prediction after a frame in which the target was seen: the feature error, and
-        its rate from the target's own motion.
+        """Return the prediction after a frame in which the target was seen: the feature error (k,),
+        and the rate (k,) [1/s] that the target's own motion gives it.
 
         Args:
             error: Feature error e (k,), divided by `FeatureSet.scales`; nan for features that were
                 not measured.
-            own: The part of de/dt that the camera's own motion causes, divided by the same scales.
+            own: The part of de/dt that the camera's own motion causes, divided by
+                `FeatureSet.scales`.
             dt: Time since the last picture that the tracker took [s].
         """
         ...
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the prediction after a frame in which the target was not seen.
+        """Return the prediction after a frame in which the target was not seen; its innovation is
+        nan (k,).
 
         An estimator that predicts no error returns an error of zero, and the camera is then moved
         by the predicted motion alone.
@@ -221,14 +226,16 @@ class Controller(Protocol):
     """
 
     def start(self, task: Task) -> None:
-        """Begin a run with this task: goal, features, estimator, camera and target.
+        """Begin a run with this task (goal, features, estimator, camera and target); called once,
+        before the first `command`.
 
         Raises:
             ValueError: A setting does not fit the features.
         """
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the command after a picture.
+        """Return the command after a picture: the camera twist (6,) in the camera frame [m/s,
+        rad/s].
 
         Args:
             seen: The target as it is seen, with its desired view as `goal` (which may have moved
@@ -246,11 +253,12 @@ class ChoosesMoves(Protocol):
     """
 
     def moves(self, *, six: bool) -> NDArray[np.bool_]:
-        """Return True (6,) for each degree of freedom of the camera that may move.
+        """Return flags (6,), in the order vx, vy, vz, wx, wy, wz: True for each degree of freedom
+        of the camera that may move.
 
         Args:
-            six: Whether the features control all six degrees of freedom; False: only vx, vy, vz
-                and wz.
+            six: Whether the features control all six degrees of freedom; False: only vx, vy, vz and
+                wz.
         """
         ...
 

@@ -1,5 +1,6 @@
-"""Server of the protocol of `servo.controllers.program` with any policy, such as a class of your
-own in a process of its own: `python -m servo.policy_server module:Class`.
+"""Server that runs any policy (a control law that computes the camera twist from pictures), such as
+a class of your own in a process of its own: `python -m servo.policy_server module:Class`. It speaks
+the protocol of `servo.controllers.program`.
 """
 
 import json
@@ -29,21 +30,21 @@ def run_policy(
     answers: BinaryIO | None = None,
     **settings: object,
 ) -> None:
-    """Run a policy for a client that speaks the protocol of `servo.controllers.program`: lines of
-    JSON, and pictures as raw bytes. It is loaded before the first answer, and runs until the
-    client's input ends.
+    """Run a policy (a control law that computes the camera twist from pictures) for a client that
+    speaks the protocol of `servo.controllers.program`: lines of JSON, and pictures as raw bytes.
+    The policy is loaded before the first answer; the function returns when the client's input ends.
 
     Args:
-        kind: The policy, such as "module:Class", or a kind of a controller that is a policy.
+        kind: The policy: "module:Class", or a kind of controller that is a policy.
         preset: Name of a set of the policy's settings; None: its default settings.
         requests: Stream of the client's lines and pictures; None: standard input.
-        answers: Stream of the answers (lines of JSON); None: standard output. What a policy prints
-            goes to standard error.
+        answers: Stream of the answers (lines of JSON); None: standard output. What the policy
+            prints goes to standard error.
         **settings: Settings of the policy.
 
     Raises:
         ValueError: There is no such policy, a setting has a wrong value, or the client sends
-            something else than the protocol has.
+            something that the protocol does not have.
         TypeError: The policy has no such setting.
     """
     lines = requests or sys.stdin.buffer

@@ -95,8 +95,8 @@ def simulate(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(Sequence[Step]):
-    """A finished run: its outcome, measures, steps, figure and film. As a sequence it is its steps,
-    whose pictures were compressed as JPEG in the meantime, and have no depth pictures.
+    """A finished run: its outcome, measures, steps, figure and film. As a sequence it holds the
+    run's steps; their pictures have been compressed as JPEG, and their depth pictures are left out.
     """
 
     scenario: Scenario
@@ -156,14 +156,16 @@ class Run(Sequence[Step]):
 
     @property
     def missed(self) -> tuple[MissedBound, ...]:
-        """The bounds of the scenario (`[expect]`) that the run's measures miss."""
+        """The bounds that the run's measures or outcome miss, of those that the scenario sets in
+        its table `[expect]`.
+        """
         return self.record.missed
 
     @cached_property
     def measures(self) -> Any:
-        """A row for each measure with its value, unit, bound (empty without one) and meaning: a
-        DataFrame whose index is the measures' names, or, without pandas, an Arrow table that prints
-        as one.
+        """Table with a row for each measure: its value, unit, bound (empty without one) and
+        meaning. A pandas DataFrame whose index is the measures' names, or, without pandas, an Arrow
+        table that prints as one.
         """
         columns = {
             "measure": list(MEASURES),
@@ -178,8 +180,8 @@ class Run(Sequence[Step]):
 
     @cached_property
     def steps(self) -> Any:
-        """A row for each frame, with the columns of steps.parquet: a DataFrame, or, without pandas,
-        an Arrow table.
+        """Table with a row for each frame and the columns of the file steps.parquet, which
+        `servobench run` writes: a pandas DataFrame, or, without pandas, an Arrow table.
         """
         return notebook.frame_of(self._table)
 
@@ -195,12 +197,12 @@ class Run(Sequence[Step]):
         return plots.figure(RunCurves.of(self._table, self._episode.loop.features), self.title)
 
     def frame(self, time: float) -> Pillow.Image:
-        """Return the picture nearest to a time of the run [s], a small one enlarged to about 640 px
-        in width, with a line of text and the outlines of the target's truth (white), goal (red) and
-        estimate.
+        """Return the picture nearest to a time of the run [s], with a line of text and the outlines
+        of the target: true (white), at the goal (red), and as the tracker estimates it. A small
+        picture is enlarged to about 640 px in width.
 
         Raises:
-            Mistake: The time is not in the run.
+            Mistake: The time is not between 0 and the time of the last picture.
         """
         times = np.array([s.frame.time for s in self._light])
         (time,) = arguments.numbers((time,), "frame(time)", 1).tolist()
@@ -211,7 +213,7 @@ class Run(Sequence[Step]):
         return Pillow.fromarray(annotated(self[int(np.abs(times - time).argmin())]))
 
     def film(self) -> Clip:
-        """Return the whole run as a film (H.264), which a notebook plays."""
+        """Return the whole run as a film (MP4, H.264), which a notebook plays."""
         from servo.output.film import write_film  # it renders the room
 
         with tempfile.TemporaryDirectory() as folder:
@@ -223,7 +225,7 @@ class Run(Sequence[Step]):
         """Show the run in Rerun's viewer, inside the notebook.
 
         Raises:
-            Mistake: The extra 'notebook' is missing, or this is no notebook.
+            Mistake: The extra 'notebook' is not installed, or this process is no notebook.
         """
         if find_spec("rerun_notebook") is None:
             raise Mistake(f"view: {MISSING}")
@@ -347,16 +349,16 @@ class Sweep:
 
     @cached_property
     def runs(self) -> Any:
-        """A row for each run, with its axis values and measures: a DataFrame, or, without pandas,
-        an Arrow table.
+        """Table with a row for each finished run, with its axis values and measures: a pandas
+        DataFrame, or, without pandas, an Arrow table.
         """
         return notebook.frame_of(self.table)
 
     @cached_property
     def cells(self) -> Any:
-        """A row for each cell, a combination of axis values: the success rate, and the means of the
-        measures over its runs, with 95 % intervals. A DataFrame, or, without pandas, an Arrow
-        table.
+        """Table with a row for each cell (combination of axis values): the success rate (0 to 1),
+        and the means of the measures over the runs of the cell, with 95 % intervals. A pandas
+        DataFrame, or, without pandas, an Arrow table.
         """
         table = csv.read_csv(pa.BufferReader(cells_csv(self.study, self._cells).encode()))
         numbers = [pa.float64() if pa.types.is_null(t) else t for t in table.schema.types]

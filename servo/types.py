@@ -97,17 +97,19 @@ class Sight:
 
     @cached_property
     def pose(self) -> Pose:
-        """T_camera_object [m], as measured, or else computed from corners and plane (a ValueError
-        if there are no corners). The object's frame has its origin in the centre of the reference
-        rectangle, x along the target's nose, and z along the plane's normal, away from the camera:
-        the rotation is the identity if the camera faces the target and its nose points right.
+        """T_camera_object, the target's pose in the camera frame [m], as measured, or else computed
+        from corners and plane (a ValueError if there are no corners). The object's frame has its
+        origin in the centre of the reference rectangle, x towards the middle of the second and
+        third corner (where the target's nose is), and z along the plane's normal, away from the
+        camera: the rotation is the identity if the camera faces the target and sees its nose at the
+        right.
         """
         return self.measured_pose or pose_in_plane(self.points, self.plane.vector)
 
     @cached_property
     def points(self) -> Array:
-        """Corners (4, 3) of the reference rectangle in the camera frame [m], in the order of the
-        outline, computed from `corners` and `plane`.
+        """Corners (4, 3) of the target's reference rectangle in the camera frame [m], in the order
+        of `Target.outline`, computed from `corners` and `plane`.
 
         Raises:
             ValueError: There are no corners.
@@ -123,9 +125,13 @@ class Sight:
 
 
 def pose_in_plane(points: Array, normal: Array) -> Pose:
-    """Return the pose of a rectangle in the frame in which its corners (4, 3) [m], and the normal
-    (3,) of its plane, are given: origin in its centre, x towards the second and third corner, z
-    along the normal.
+    """Return the pose of a rectangle: origin in its centre, x towards the middle of the second and
+    third corner, z along the normal.
+
+    Args:
+        points: Corners (4, 3) of the rectangle in any frame [m]; the pose is returned in this
+            frame.
+        normal: Normal (3,) of the rectangle's plane in the same frame, of any length.
     """
     z = normal / np.linalg.norm(normal)
     ahead = points[1] + points[2] - points[0] - points[3]
@@ -136,8 +142,8 @@ def pose_in_plane(points: Array, normal: Array) -> Pose:
 
 @dataclass(frozen=True, slots=True)
 class OwnMotion:
-    """The rate of change of the feature error over `FeatureSet.scales`, de/dt [1/s], that the
-    camera's own motion causes: its mean since the last picture (`past`), and its values until the
+    """The rate of the feature error, de/dt, that the camera's own motion causes, divided by
+    `FeatureSet.scales` [1/s]: its mean since the last picture (`past`), and its values until the
     next command acts (`coming`).
     """
 
@@ -172,8 +178,8 @@ class Prediction:
     """Variances (2, k) that the filter states for `error` and `motion`; None without a filter."""
 
     def times(self, scales: Array) -> Prediction:
-        """Return the prediction with error, motion and innovation multiplied by scales (k,), and
-        variances by their squares.
+        """Return a copy of the prediction with error, motion and innovation multiplied by scales
+        (k,), and variances by the squares of scales; `nis` is unchanged.
         """
         return Prediction(
             self.error * scales,
@@ -188,16 +194,19 @@ class Prediction:
         """Return a prediction without a measurement: its innovation and NIS are nan (k,).
 
         Args:
-            error: Feature error (k,) for the law.
-            motion: Estimated de/dt (k,) caused by the target's own motion [1/s].
-            variance: Variances (2, k) of both; None without a filter.
+            error: Feature error (k,) for the law, divided by `FeatureSet.scales`.
+            motion: Estimated de/dt (k,) caused by the target's own motion, divided by the same
+                scales [1/s].
+            variance: Variances (2, k) of error and motion; None without a filter.
         """
         none = np.full(len(error), np.nan)
         return Prediction(error, motion, none, none, variance)
 
 
 class Mode(Enum):
-    """State of a controller, such as searching; the value of each member is a sentence about it."""
+    """State of a controller, such as searching for the target; the value of each member is a
+    sentence about it.
+    """
 
     SERVOING = "The target is seen and followed."
     COASTING = "The target is not seen: the camera follows the predicted motion."

@@ -25,8 +25,8 @@ LAST = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A source of error in a budget, or nothing wrong, or all together: its magnitude and its
-    contribution to the error at the end.
+    """A row of an accuracy budget: the error at the end of the runs with nothing wrong, by one
+    source of error alone, or with all sources together.
     """
 
     name: str
@@ -43,7 +43,9 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The settings of the runs of a budget."""
+    """The runs of an accuracy budget: a scenario, its seeds, and the magnitude of each source of
+    error (such as a focal length that is wrong by 1 %).
+    """
 
     base: StudiedScenario
     scenario: Scenario
@@ -56,17 +58,27 @@ class Plan:
 
     @staticmethod
     def of(base: StudiedScenario, seeds: Sequence[int], stated: Mapping[str, float]) -> "Plan":
-        """Return the plan for a scenario, with the magnitudes that the user states."""
+        """Return the plan of an accuracy budget for a scenario.
+
+        Args:
+            base: The scenario.
+            seeds: Seeds of the runs of each combination of sources.
+            stated: Magnitudes that the user states, by name of the source, in its unit.
+        """
         scenario = base.parsed(seeds[0], {})
         own = {source.name: source.own(scenario) for source in SOURCES}
         return Plan(base, scenario, seeds, stated, own)
 
     def magnitude(self, source: Source) -> float:
-        """Return the magnitude of a source: the user's, the scenario's, or else the usual one."""
+        """Return the magnitude of a source of error, in its unit: the one that the user states,
+        else the scenario's own if it is not 0, else the usual one.
+        """
         return self.stated.get(source.name, self.own[source.name] or source.usual)
 
     def words(self, source: Source) -> str:
-        """Return the magnitude of a source as a text that says where it is from."""
+        """Return the magnitude of a source of error as a text that says where it is from, such as
+        "1 % (usual)"; for the tracker, its kind.
+        """
         if source.name == TRACKER:
             return kind_of(self.scenario.tracker)
         usual = "the scenario's" if self.own[source.name] else "usual"
@@ -74,7 +86,13 @@ class Plan:
         return f"{self.magnitude(source):.3g} {source.unit} ({said})"
 
     def settings(self, wrong: Sequence[Source], seed: int) -> Table:
-        """Return the settings of a run in which some sources act, and no others."""
+        """Return the changed settings, by dotted key, of a run in which some sources of error act
+        and all others are ideal.
+
+        Args:
+            wrong: The sources that act.
+            seed: Seed of the run, which also draws the signs and directions of errors.
+        """
         corners = Trait.CORNERS in (traits_of(self.scenario.tracker) or ())
         found: Table = {}
         if SOURCES[0] not in wrong:
@@ -91,8 +109,8 @@ class Plan:
         return found if is_late else found | {"run.tracker_ms": 0.0}
 
     def alone(self, source: Source) -> tuple[Source, ...]:
-        """Return the sources that act where one is tried alone: also the tracker if it acts through
-        that only.
+        """Return the sources of error that act where one is tried alone: the source itself, and
+        before it the tracker if the source acts through the tracker only (as image noise does).
         """
         return (SOURCES[0], source) if source.seen else (source,)
 
@@ -118,13 +136,16 @@ class Plan:
         return next((s for key in source.ideal for s in said if s.startswith(f"{key} ")), "")
 
     def cells(self, sources: Sequence[Source]) -> dict[str, tuple[Source, ...]]:
-        """Return the sources that act in each combination: none, each alone, and all of these."""
+        """Return the sources of error that act in each combination, by its name: none ("nothing
+        wrong"), each one alone (by its name), and all of them ("together").
+        """
         alone = {source.name: self.alone(source) for source in sources}
         return {NOTHING: (), **alone, TOGETHER: tuple(sources)}
 
     def trials(self, sources: Sequence[Source]) -> list[Trial]:
-        """Return the runs of a budget of some sources: all seeds of the first combination, then
-        those of the next.
+        """Return the runs of a budget, each as its changed settings (by dotted key) and its seed:
+        all seeds of the first combination of sources, then those of the next, in the order of
+        `cells`.
         """
         every = self.cells(sources).values()
         return [(self.settings(wrong, seed), seed) for wrong in every for seed in self.seeds]
@@ -132,11 +153,12 @@ class Plan:
     def parts(
         self, sources: Sequence[Source], records: Sequence[Record | None], focal: float
     ) -> list[Part]:
-        """Return the parts of a budget: nothing wrong, each source alone, and all together.
+        """Return the rows of a budget: nothing wrong, each source alone, and all together. The
+        error of a source alone is the root of its mean square less that without it, at least 0.
 
         Args:
             sources: The sources.
-            records: Records of the runs of `trials`, in the same order.
+            records: Records of the runs of `trials`, in the same order; None for a run that failed.
             focal: Focal length of the camera [px].
 
         Raises:

@@ -32,7 +32,10 @@ AT_REST = (DELAY, "lag", "play", "mount_translation", "depth")
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A source of error: settings whose deviation from their ideal values is its magnitude."""
+    """A source of error in an accuracy budget, such as a wrong focal length: its settings with
+    their ideal values, and the unit of its magnitude, which is `scale` times the settings'
+    deviation from ideal.
+    """
 
     name: str
     unit: str
@@ -48,7 +51,13 @@ class Source:
     """Whether it acts through the tracker only."""
 
     def settings(self, magnitude: float, seed: int) -> Table:
-        """Return the settings of the source at a magnitude; the same seed draws the same sign."""
+        """Return the settings, by dotted key, with which the source has a magnitude. For a `signed`
+        source, the seed draws the sign, or the direction of several numbers.
+
+        Args:
+            magnitude: The magnitude, in the source's unit; 0: the ideal settings.
+            seed: Seed of the run.
+        """
         size = sum(np.size(value) for value in self.ideal.values())
         drawn = stream(seed, f"budget {self.name}").normal(size=size)
         direction = drawn / np.linalg.norm(drawn) if self.signed else np.ones(size)
@@ -60,7 +69,9 @@ class Source:
         }
 
     def own(self, scenario: Scenario) -> float:
-        """Return the magnitude that a scenario has by itself, in the unit; 0 if it is ideal."""
+        """Return the magnitude that this source has in a scenario as it is, in the source's unit; 0
+        if the scenario is ideal.
+        """
         if self.name == DELAY:
             return 1e3 * scenario.run.frames_late(1 / scenario.camera.rate) / scenario.camera.rate
         settings: dict[str, Any] = flat(scenario.settings(), scenario.name)
@@ -98,10 +109,11 @@ SOURCES = (
 
 
 def magnitudes_of(texts: Sequence[str]) -> dict[str, float]:
-    """Return the magnitudes in texts such as "focal_length=0.5", by source.
+    """Return the magnitudes, by name of the source, in texts such as "focal_length=0.5".
 
     Raises:
-        Mistake: A text has another form, there is no such source, or a magnitude is too small.
+        Mistake: A text has another form, there is no such source, or a magnitude is below 0 (below
+            1 for the resolution) or not finite.
     """
     found = dict[str, float]()
     names = [source.name for source in SOURCES if source.name != TRACKER]
@@ -119,7 +131,8 @@ def magnitudes_of(texts: Sequence[str]) -> dict[str, float]:
 
 
 def coarser(scenario: Scenario, factor: float) -> Table:
-    """Return the settings with which the picture of a scenario has fewer pixels for the same view.
+    """Return the changed settings, by dotted key, with which the camera's picture has fewer pixels
+    for the same view: width and height are rounded, and settings in pixels are divided.
 
     Args:
         scenario: The scenario with the drawn settings of its seed.
@@ -131,16 +144,21 @@ def coarser(scenario: Scenario, factor: float) -> Table:
 
 
 def theory(source: Source, magnitude: float, scenario: Scenario, focal: float) -> float | None:
-    """Return the error of the position at the end by linear theory [mm]: Z dc of a focal length or
-    a size that is wrong by the share dc, Z d / f of a principal point that is off by d px where the
-    goal is a pose, and 0 of what only bends the path to a target at rest. Return None for other
-    sources, and with a leader.
+    """Return the error of the position at the end that linear theory expects of a source [mm]. None
+    for sources without a theory, and for scenarios with a leader (a second tag).
+
+    At the distance Z of the goal it is Z dc for a focal length or a target size that is wrong by
+    the share dc, and Z d / f for a principal point that is off by d px. It is 0 where the source
+    has no influence: for a wrong size if a depth picture gives the distance, for a focal length if
+    the true camera has seen the goal (believed.goal = "shown"), for a principal point unless the
+    goal is a pose (believed.goal = "pose"), and for what only bends the path (delay, lag, play,
+    depth, mount_translation) to a target at rest.
 
     Args:
         source: The source.
-        magnitude: Its magnitude.
+        magnitude: Its magnitude, in its unit.
         scenario: The scenario.
-        focal: Focal length of the camera [px].
+        focal: Focal length of the camera, f [px].
     """
     goal = scenario.goal
     away = 1e3 * magnitude * (goal.depth if goal.depth_to is None else goal.depth_to)

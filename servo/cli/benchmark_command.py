@@ -51,11 +51,12 @@ def run(
     quiet: bool,
     dry_run: bool,
 ) -> int:
-    """Run contestants (trackers or control laws) in the worlds (drawn scenarios) of a benchmark,
-    and write a row for each, a JSON file of its scores; or verify a published row.
+    """Run contestants (trackers or control laws) in the worlds (drawn scenarios) of a public
+    benchmark, and write a row for each contestant: a JSON file of its scores. Or verify a published
+    row.
 
     Args:
-        name: The benchmark.
+        name: The benchmark, such as "loop-v1".
         given: The contestants as the command line has them, such as "kams" or "mine=module:Class";
             empty: all shipped ones.
         changes: Changes of settings of all contestants, such as "controller.gain=2".
@@ -63,10 +64,10 @@ def run(
         sealed: A public value from which other worlds are drawn; None: those of the band.
         quick: Whether to run only two worlds of each condition.
         submit: A JSON file to write for the only contestant's row, with the errors in a Parquet
-            file beside it; not written if a run failed.
-        verify: The file of a row to verify in place of running the contestants.
+            file beside it; not written if a run failed. None: no such file.
+        verify: The file of a row to verify in place of running the contestants; None: they are run.
         workers: Number of processes.
-        out: The folder; None: runs/benchmark-NAME.
+        out: The folder to write; None: runs/benchmark-NAME.
         quiet: Whether to print on stderr only: mistakes and failed runs.
         dry_run: Whether to print only how many runs there are and how long they take.
 

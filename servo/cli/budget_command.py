@@ -35,20 +35,23 @@ def run(
     out: Path | None,
     quiet: bool,
 ) -> None:
-    """Run a scenario with each source of error alone and with all together; write table and plot.
+    """Run a scenario with each source of error (such as a wrong focal length) alone and with all
+    together; print what each contributes to the error at the end, and write a page, a JSON file and
+    a plot.
 
     Args:
         scenario: A shipped scenario or a TOML file.
         changes: Changes of settings of all runs, such as "run.duration=5".
-        magnitude: Magnitudes, such as "focal_length=0.5"; others are the scenario's or usual ones.
+        magnitude: Magnitudes of sources, such as "focal_length=0.5", in the unit that the table
+            shows; for all other sources the scenario's own or the usual one is taken.
         seeds: Number of seeds of each combination: 1, 2, ...
         workers: Number of processes on this machine.
         scheduler: Address of a Dask scheduler to work on instead; None: this machine.
-        out: The folder; None: runs/budget-SCENARIO.
+        out: The folder to write; None: runs/budget-SCENARIO.
         quiet: Whether to print mistakes only.
 
     Raises:
-        Mistake: The scenario or an option is wrong, or every run fails.
+        Mistake: The scenario or an option is wrong, or all runs of a combination fail.
         Refused: A file cannot be written, or the workers cannot work.
     """
     stated = magnitudes_of(magnitude)

@@ -40,8 +40,8 @@ NO_BOUNDS = "No verdict: this scenario has no bounds."
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckFile(Made):
-    """The JSON file that `servobench check --json` writes: the results of all runs, and the shares
-    of drawn seeds that ended as expected.
+    """The JSON file that `servobench check --json` writes: the results of all runs, and for each
+    scenario that bounds it, the share of its drawn seeds (all but 0) that ended as expected.
     """
 
     FILE: ClassVar[str] = "check.json"
@@ -91,10 +91,11 @@ def run(
     junit: Path | None = None,
     json: Path | None = None,
 ) -> int:
-    """Run scenarios and print the bounds that they miss.
+    """Run scenarios, print their measures and the bounds that they miss, and write the results as
+    files if asked to.
 
     Args:
-        scenarios: The scenarios; none: all shipped ones with bounds.
+        scenarios: Shipped scenarios or TOML files; none: all shipped ones with bounds.
         changes: Changes of settings, such as "run.duration=5".
         seed: The first seed of each scenario.
         seeds: Number of seeds of each scenario.
@@ -102,8 +103,8 @@ def run(
         quiet: Whether to print only mistakes, failed runs, missed bounds, and why measures or
             verdicts are missing.
         dry_run: Whether to print only how many runs there are and how long they take.
-        junit: A file for JUnit's XML.
-        json: A file for all measures.
+        junit: An .xml file to write for JUnit; None: no such file.
+        json: A .json file to write with all measures; None: no such file.
 
     Returns:
         The exit code: 1 if a bound was missed or a run failed, 2 if a run failed because of the

@@ -44,8 +44,8 @@ def run(
     dry_run: bool,
     quiet: bool,
 ) -> int:
-    """Do the missing runs of a comparison of variants, and write its page, LaTeX table and PDF
-    figures.
+    """Do the missing runs of a comparison of variants (changed trackers, laws, estimators or
+    settings) in scenarios, and write its page, LaTeX table and PDF figures.
 
     Args:
         scenarios: Shipped scenarios or TOML files.
@@ -58,7 +58,7 @@ def run(
         seeds: Number of seeds: 0, 1, 2, ...
         workers: Number of processes on this machine.
         scheduler: Address of a Dask scheduler to work on instead; None: this machine.
-        out: The folder; None: runs/compare.
+        out: The folder to write; None: runs/compare.
         measures: Names of the measures in the tables, with commas between them; None: a few.
         dry_run: Whether to print only how many runs there are and how long they take.
         quiet: Whether to print on stderr only: mistakes and failed runs.
@@ -114,7 +114,7 @@ def study_of(
 
     Args:
         scenarios: Shipped scenarios or TOML files.
-        variants: Settings of each variant by its name.
+        variants: Changed settings, by dotted key, of each variant by its name.
         changes: Changes of settings of all variants, such as "run.duration=5".
         seeds: Number of seeds: 0, 1, 2, ...
         name: Name of the study.
@@ -133,8 +133,8 @@ def study_of(
 
 
 def variants_of(parts: Mapping[str, Sequence[str]], set_of: Sequence[str]) -> dict[str, Settings]:
-    """Return the changed settings of each variant by its name; a single variant is joined by one
-    without changes, "as it is".
+    """Return the changed settings, by dotted key, of each variant by its name. If there is a single
+    variant, one without changes, "as it is", comes first.
 
     Args:
         parts: Texts such as "mine=kams" (NAME=KIND), by the section of a scenario ("tracker").

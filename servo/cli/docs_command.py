@@ -19,8 +19,8 @@ def run(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
     Args:
         out: The folder to write; None: runs/docs.
         no_open: Whether the browser stays closed.
-        still: Whether the gallery shows still pictures.
-        run: Whether to run the tutorials.
+        still: Whether the gallery shows still pictures, not animations; this saves a minute.
+        run: Whether to run the tutorials, so that their notebooks have outputs.
 
     Raises:
         Mistake: This is no checkout, a package is missing, or a page or tutorial has a mistake.

@@ -20,8 +20,8 @@ FINE = "All is well. To begin with: servobench run reversal"
 
 
 def run() -> int:
-    """Print the OpenGL back end, the renderer, the versions of packages and the rendered frames a
-    second of this machine.
+    """Print what this machine has: the OpenGL back end, the renderer, the rendered frames per
+    second of the scenario "still", and the versions of packages; then what is wrong.
 
     Returns:
         The exit code: 1 if a package with plug-ins cannot be loaded or several packages of OpenCV

@@ -51,7 +51,7 @@ def run(
             all that follow any target by pictures alone.
         seeds: Number of seeds: 0, 1, 2, ...
         workers: Number of processes.
-        out: The folder; None: runs/evaluate-SUITE.
+        out: The folder to write; None: runs/evaluate-SUITE.
         quiet: Whether to print on stderr only: mistakes, failed runs and missed bounds.
         dry_run: Whether to print only how many runs there are and how long they take.
 
@@ -131,7 +131,8 @@ def _forget_lost_tracks(jobs: Sequence[Job], store: Store) -> None:
 
 
 def subjects_of(suite: str, trackers: str | None) -> list[TrackedSequence]:
-    """Return each pair of a tracker and a sequence of a suite, to be run.
+    """Return all pairs of a tracker and a sequence of a suite, ready to be run: all sequences of
+    the first tracker, then those of the next.
 
     Args:
         suite: A shipped suite (but "closed_loop"), a folder of sequences, or a TOML file.
@@ -179,8 +180,9 @@ def _write(
 
 
 def print_ranks(console: Console, ranks: Sequence[Rank]) -> None:
-    """Print the ranking of all trackers, and below it a table of their success AUC by sequence, if
-    it has at most eight columns.
+    """Print the ranking of trackers, and below it a table of the area under their success curve
+    (AUC) in each sequence. This table is left out for a single sequence, or if it has more than
+    eight columns.
     """
     print_table(console, bench_section.trackers_table(ranks))
     families = bench_section.families_table(ranks)

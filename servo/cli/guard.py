@@ -34,9 +34,15 @@ failure. Values that the user has set stay."""
 
 
 def guarded(command: Callable[[], object]) -> None:
-    """Run a command with its output through `Printer` and without messages of libraries; print a
-    failure as one sentence on stderr, and exit with 2 for a mistake of the user or 1 for a failure
-    of the machine.
+    """Run a command, and turn every failure into one sentence on stderr and an exit code: 2 for a
+    mistake of the user, 1 for a failure of the machine. From then on stdout and stderr are wrapped
+    by `Printer`, and messages of libraries are hidden.
+
+    Args:
+        command: Function without arguments that does the command's work.
+
+    Raises:
+        SystemExit: The command failed, or exited itself.
     """
     os.environ.update(ENVIRONMENT | os.environ)
     os.environ["MPLBACKEND"] = "agg"  # plots never open a window
@@ -92,7 +98,8 @@ def _end(sentence: str, code: int) -> NoReturn:
 
 class Printer:
     """Wrapper of stdout or stderr that never raises on writing: it ignores a closed stream, keeps
-    the error of a full disk in `refused`, and replaces characters that the encoding lacks.
+    any other error, such as that of a full disk, in `refused`, and replaces characters that the
+    encoding lacks.
 
     A command writes its files before it prints; an error in printing does not interrupt it.
     """
@@ -106,7 +113,9 @@ class Printer:
             stream.reconfigure(errors="replace")
 
     def write(self, text: str) -> int:
-        """Write as much of a text as the stream takes, and return the length of the whole text."""
+        """Write as much of a text as the stream takes, and return the length of the whole text. An
+        error is kept in `refused` in place of being raised.
+        """
         self._try(lambda: self._stream.write(text))
         return len(text)
 
@@ -141,7 +150,9 @@ SOON = 0.02
 
 
 class StopSignal(KeyboardInterrupt):
-    """Exception that a signal to end the command raises: SIGINT, SIGTERM or SIGHUP."""
+    """Exception raised where a signal (SIGINT, SIGTERM or SIGHUP) ends the command; `number` is the
+    signal's number.
+    """
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -153,15 +164,15 @@ CTRL_C = 128 + signal.SIGINT
 
 def exit_code(cause: KeyboardInterrupt) -> int:
     """Return the exit code of a command that a signal stopped: 128 + number of the signal, as
-    shells do.
+    shells do. Any other KeyboardInterrupt than a `StopSignal` counts as SIGINT (130).
     """
     return 128 + (cause.number if isinstance(cause, StopSignal) else signal.SIGINT)
 
 
 @contextmanager
 def ending_signals() -> Generator[list[StopSignal]]:
-    """Raise `StopSignal` at the first SIGINT, SIGTERM or SIGHUP within the block, and ignore all
-    later ones.
+    """Context manager: raise `StopSignal` at the first SIGINT, SIGTERM or SIGHUP within its block,
+    and ignore all later ones.
 
     A signal that is ignored from the start (nohup, a background job of a shell) stays ignored.
 
@@ -201,11 +212,18 @@ def ending_signals() -> Generator[list[StopSignal]]:
 
 
 def stop(cause: KeyboardInterrupt, more: str = "") -> NoReturn:
-    """Print on stderr that Ctrl-C or another signal stopped the command, then `more`, and exit with
-    the signal's code.
+    """Print on stderr that the command was stopped, followed by a sentence, and exit with the
+    signal's code.
 
     This function imports nothing: the signal may have interrupted an import, which then cannot be
     repeated.
+
+    Args:
+        cause: The exception that Ctrl-C or another signal raised.
+        more: The sentence, such as how to continue.
+
+    Raises:
+        SystemExit: Always; its code is 128 + the signal's number.
     """
     print(printable(f"{STOPPED} {more}".rstrip()), file=sys.stderr)
     raise SystemExit(exit_code(cause))

@@ -24,8 +24,9 @@ from tracking.files import atomic
 
 
 def run(log: Path, scenario: str, out: Path | None) -> None:
-    """Estimate delay, jitter, lag, play and encoder noise of the robot that recorded a log; write
-    them as settings (robot.toml) and draw its response.
+    """Estimate delay, jitter, lag, play (backlash) and encoder noise of the robot that recorded a
+    log; print and write them as settings (robot.toml), and draw the robot's response
+    (response.png).
 
     Args:
         log: The log: a file .csv, .parquet or .mcap.
@@ -47,11 +48,16 @@ def run(log: Path, scenario: str, out: Path | None) -> None:
 
 
 def estimated(log: Log, scenario: str) -> tuple[Identified, str]:
-    """Return the estimates from a robot's log, and the TOML lines that set them for a scenario's
-    robot.
+    """Return the estimates of delay, lag, play and noise from a robot's log, and the TOML lines
+    that set them for a scenario's robot.
+
+    Args:
+        log: The log.
+        scenario: A shipped scenario or a TOML file.
 
     Raises:
-        Mistake: The scenario's robot lacks a joint of the log, or the log contradicts itself.
+        Mistake: The scenario's robot lacks a joint of the log or moves it in another unit, the log
+            contradicts itself, or the scenario refuses a setting.
     """
     with Episode(load(scenario), seen=False) as episode:
         world = episode.world

@@ -30,8 +30,8 @@ LAWS = ("ibvs", "qp")
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """A condition that some settings need to have an effect, and the reason to print where it is
-    not met.
+    """A condition that some settings of a scenario need to have an effect, and the reason to print
+    where the condition is not met.
     """
 
     settings: tuple[str, ...]
@@ -44,8 +44,8 @@ class Need:
 
 def idle_settings(episode: Episode) -> list[str]:
     """Return a sentence for each setting or disturbance that the user gave and that has no effect
-    in a run, and one if the weights of the law let the camera stand still. Of a scenario that was
-    built in Python, nothing is returned.
+    in a run, and one if the weights of the law let the camera stand still. The list is empty for a
+    scenario that was built in Python, not loaded.
     """
     scenario = episode.scenario
     if not isinstance(scenario, Scenario):

@@ -29,7 +29,8 @@ HOUR = 3600
 def progress(
     console: Console, title: str, total: int, done: int = 0
 ) -> Generator[Callable[[str], None]]:
-    """Show progress within the block: a bar on a terminal, else a line on stderr each 30 s.
+    """Context manager that shows progress within its block: a bar on a terminal, else a line on
+    stderr after 1 s and then every 30 s, each when a piece of work ends.
 
     Args:
         console: The output of the command; a quiet console shows no progress.
@@ -63,7 +64,9 @@ def progress(
 
 
 def duration(seconds: float) -> str:
-    """Return a time [s] as a text, such as "12 min"."""
+    """Return a time [s] as a text: in seconds below 2 min, as a whole number of minutes below 2 h
+    ("12 min"), else in hours ("2.5 h").
+    """
     if seconds < 2 * MINUTE:
         return f"{max(1, seconds):.0f} s"
     return f"{seconds / MINUTE:.0f} min" if seconds < 2 * HOUR else f"{seconds / HOUR:.1f} h"
@@ -72,14 +75,14 @@ def duration(seconds: float) -> str:
 def print_estimate(
     jobs: Sequence[Job], workers: int, console: Console, store: Store | None = None
 ) -> int:
-    """Do a few of the missing runs without keeping their results, and print how many runs there are
-    and how long the missing ones will take.
+    """Do a few of the missing runs without keeping their results; print how many runs there are,
+    how long the missing ones will take, and on stderr which of the few failed.
 
     Args:
         jobs: All jobs, one for each run.
         workers: Number of processes that will do the jobs.
         console: The output of the command.
-        store: The folder in which some of the jobs may have a record.
+        store: The folder in which some of the jobs may have a record; None: no run is finished.
 
     Returns:
         The exit code: 1 if a run that was tried fails, else 0.
@@ -103,8 +106,11 @@ def print_estimate(
 
 
 def go_on(command: str, out: Path | None) -> str:
-    """Return the sentence that says how to continue a stopped command; `out` is the folder given
-    with --out.
+    """Return the sentence that says how to continue a stopped command.
+
+    Args:
+        command: The command line.
+        out: The folder given with --out, which is added to the command; None: nothing is added.
     """
     return f"go on with: {command}" + (f" --out {shlex.quote(str(out))}" if out else "")
 

@@ -36,9 +36,12 @@ ADVICE = "**Which one?**"
 
 
 def run(what: str | None) -> None:
-    """Print all scenarios, studies and kinds of components if `what` is None. For the name of a
-    part (such as "tracker") print its kinds, for a section or a kind its settings, and for a
-    scenario or study its first sentence.
+    """Print a list of what servobench has.
+
+    Args:
+        what: Name of a part (such as "tracker"): print its kinds; of a section or a kind: print its
+            settings; of a scenario or study: print its first sentence. None: print all scenarios,
+            studies and kinds of components.
 
     Raises:
         Mistake: Nothing of that name exists.
@@ -158,11 +161,11 @@ def _show_settings(title: str, about: str, rows: list[tuple[str, str, str]]) -> 
 
 
 def settings_rows(prefix: str, settings: type[BaseModel]) -> list[tuple[str, str, str]]:
-    """Return (name, default, meaning), as texts, of every setting of a table of a scenario, with
-    those of the tables inside it.
+    """Return a row (name, default, meaning), as texts, for every setting of a table of a scenario,
+    with those of the tables inside it.
 
     Args:
-        prefix: Name of the table, such as "camera".
+        prefix: Name of the table, such as "camera", which begins the names of its settings.
         settings: The pydantic model of the table.
     """
     rows = list[tuple[str, str, str]]()

@@ -23,7 +23,9 @@ PORTS = click.IntRange(1024, 65_534)
 
 
 class FiniteRange(click.FloatRange):
-    """Type of an option: a number in a range. Nan, which click's own type accepts, is refused."""
+    """Type of an option of the command line: a number in a range. Nan, which click's own type
+    accepts, is refused.
+    """
 
     def convert(
         self, value: float, param: click.Parameter | None, ctx: click.Context | None
@@ -36,8 +38,8 @@ class FiniteRange(click.FloatRange):
 
 
 class Numbers(click.ParamType[list[float]]):
-    """Type of an option: a fixed number of finite numbers with commas between them, such as
-    0,0.5,0.6,-90.
+    """Type of an option of the command line: a list of `count` finite numbers with commas between
+    them, such as 0,0.5,0.6,-90.
     """
 
     name = "numbers"
@@ -63,8 +65,8 @@ class Numbers(click.ParamType[list[float]]):
 
 
 class Named(click.Path):
-    """Type of an argument: a path or another name of a source, such as camera:0. Empty texts and
-    NUL characters are refused.
+    """Type of an argument of the command line: a path or another name of a source, such as
+    camera:0. Empty texts and NUL characters are refused.
 
     A script whose variable is not set passes an empty text, which would be the current folder.
     """
@@ -77,8 +79,8 @@ class Named(click.Path):
 
 
 class Shipped(click.ParamType[str]):
-    """Type of an argument: the name of a shipped scenario or study, or the path of a user's file;
-    the shell can complete both.
+    """Type of an argument of the command line: the name of a shipped scenario or study, or the path
+    of a user's file; the shell can complete both. `names` returns the shipped names.
     """
 
     name = "text"
@@ -136,8 +138,11 @@ dry_run_option = click.option(
 
 
 def out_option(default: str) -> Callable[[Function], Function]:
-    """Return the click option --out, which names the folder to write; `default` is the default
-    folder in its help text.
+    """Return a decorator that adds the option --out, which names the folder to write, to a click
+    command.
+
+    Args:
+        default: The default folder, as the help text names it.
     """
     return click.option("--out", type=PATH, help=f"Folder to write (default: {default}).")
 
@@ -172,7 +177,9 @@ OUTPUTS = (
 
 
 def output_options(command: Function) -> Function:
-    """Add the options for films, logs and viewers to a command, and return it."""
+    """Add the options for films, logs and viewers (--video, --mcap, --live, ...) to a click
+    command, and return the command.
+    """
     for option in reversed(OUTPUTS):
         command = option(command)
     return command
@@ -224,7 +231,9 @@ TWIN = (
 
 
 def twin_options(command: Function) -> Function:
-    """Add the options for a log and its film to a command, and return it."""
+    """Add the options about a robot's log and the film of its camera (--calibration, --mount, ...)
+    to a click command, and return the command.
+    """
     for option in reversed(TWIN):
         command = option(command)
     return command
@@ -279,7 +288,7 @@ class Commands(click.Group):
     command_class = Command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write a section of the help for each group of commands."""
+        """Write a section of the help for each group of commands, such as "Run" or "Compare"."""
         for title, names in GROUPS.items():
             limit = formatter.width - max(map(len, self.commands)) - 6
             rows = [(name, self.commands[name].get_short_help_str(limit)) for name in names]
@@ -287,11 +296,13 @@ class Commands(click.Group):
                 formatter.write_dl(rows)
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write five commands to try below the help."""
+        """Write examples below the help: five commands to begin with."""
         formatter.write(TO_TRY)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command; a signal ends it with one sentence and the signal's exit code."""
+        """Run the command that the arguments name. A signal that ends it (SIGINT, SIGTERM or
+        SIGHUP) prints one sentence, and the program exits with 128 + the signal's number.
+        """
         with ending_signals() as raised:
             try:
                 return super().invoke(ctx)

@@ -32,7 +32,8 @@ VIEWER = "the viewer"
 @dataclass(frozen=True, slots=True)
 class Outputs:
     """Values of the options of `run` and `track` for films (MP4), logs (MCAP) and live viewers, and
-    the connection of a run to ROS 2.
+    the connection of a run to ROS 2. `speed` is a multiple of real time (None: 1), `port` the TCP
+    port of a viewer (None: 9090).
     """
 
     video: Path | None = None
@@ -52,10 +53,13 @@ class Outputs:
         return [path for path in (self.video, self.mcap) if path is not None]
 
     def check(self) -> None:
-        """Check the options, before anything is written.
+        """Check the options, before anything is written; a file to write is made and removed again
+        as a trial.
 
         Raises:
-            Mistake: An option needs another one or a package, or a file cannot be written.
+            Mistake: An option needs another option or a package, a file exists already, has a wrong
+                suffix or cannot be written.
+            Refused: The disk is full.
         """
         needs = (
             ("--web", self.web, "--live", self.live),
@@ -95,9 +99,14 @@ class Outputs:
     def of_run(
         self, episode: Episode, viewer: LiveViewer | LightPage | None
     ) -> dict[Path | str, Sink]:
-        """Open and return the outputs that get each step of a run (film, log, viewer, ROS 2), by
-        the path of their file or by name. The viewer shows the run in real time, or `speed` times
-        as fast.
+        """Open and return the outputs that get each step of a run: film, log, viewer and ROS 2, as
+        far as the options ask for them. The keys are the paths of files, or names such as "the
+        viewer".
+
+        Args:
+            episode: The run.
+            viewer: The viewer from the method `viewer`, which shows the run in real time, or
+                `speed` times as fast; None: no viewer.
         """
         found: dict[Path | str, Sink] = {}
         if self.video is not None:
@@ -118,9 +127,16 @@ class Outputs:
     def of_track(
         self, region: Region, source: Source, title: str, viewer: LiveViewer | LightPage | None
     ) -> dict[Path | str, Sink]:
-        """Open and return the outputs that get each picture of a track and its estimate (film, log,
-        viewer), by the path of their file or by name. The viewer shows pictures in real time, or
-        `speed` times as fast; those of a live source at once.
+        """Open and return the outputs that get each picture of a track and the tracker's estimate:
+        film, log and viewer, as far as the options ask for them. The keys are the paths of files,
+        or "the viewer".
+
+        Args:
+            region: The target's rectangle in the first picture (size in px).
+            source: The pictures.
+            title: Title of the film.
+            viewer: The viewer from the method `viewer`, which shows pictures in real time, or
+                `speed` times as fast; those of a live source at once. None: no viewer.
         """
         from tracking.drawing.annotated_video import AnnotatedVideo
 
@@ -183,7 +199,9 @@ def announce(viewer: LiveViewer | LightPage | None, console: Console) -> None:
 
 
 def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
-    """Keep a viewer open until the user closes it or presses Ctrl-C; None: return at once."""
+    """Keep a viewer open until the user closes it or presses Ctrl-C, then stop it. Without a viewer
+    (None) return at once.
+    """
     if viewer is None:
         return
     close = "press Ctrl-C" if viewer.page else "close the viewer, or press Ctrl-C,"
@@ -198,8 +216,12 @@ def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
 
 
 def check_place(path: Path | None, *suffixes: str) -> None:
-    """Check, if a path is given, that its folder exists, that it is no link and no folder, and that
-    its name ends in one of the suffixes. Whether the file can be written is not tried.
+    """Check a path of a file to write: its folder exists, it is no link and no folder, and its name
+    ends in one of the suffixes. It is not tried whether the file can be written. None is accepted.
+
+    Args:
+        path: The path, or None.
+        *suffixes: Allowed endings in small letters, such as ".png".
 
     Raises:
         Mistake: The folder is missing, the path is a link or no file, or the suffix differs.
@@ -218,10 +240,11 @@ def check_place(path: Path | None, *suffixes: str) -> None:
 
 
 def check_writable(path: Path) -> None:
-    """Check that a new file can be written at a path.
+    """Check that a new file can be written at a path, by making an empty one and removing it.
 
     Raises:
         Mistake: The file exists, its folder does not exist, or the file cannot be written.
+        Refused: The disk is full.
     """
     try:
         path.open("xb").close()

@@ -52,16 +52,16 @@ def run(
     dry_run: bool,
     quiet: bool,
 ) -> int:
-    """Test claims of the papers again, and print and write the verdicts.
+    """Test claims of the three papers again, and print and write the verdicts.
 
     Args:
-        claims: The claims; none: all.
+        claims: Names of the claims, such as "P1-2"; none: all.
         quick: Whether one seed of each is enough.
-        sequences: A folder of real sequences.
+        sequences: A folder of real sequences to add to the claim P0-1; None: none.
         first_seed: The first seed; None: the seeds that the rules name.
         workers: Number of processes.
-        out: The folder; None: runs/papers, runs/papers-quick for a quick run, or runs/papers-SEED
-            for another first seed.
+        out: The folder to write; None: runs/papers, runs/papers-quick for a quick run, or
+            runs/papers-SEED for another first seed.
         dry_run: Whether to print only how many runs there are and how long they take.
         quiet: Whether to print on stderr only: mistakes, failed runs and changed verdicts.
 

@@ -41,16 +41,19 @@ def run(
     calibration: Path | None,
     covered: str,
 ) -> None:
-    """Straighten photographs and write the best one, or draw the sheet.
+    """Straighten photographs of a plane on which a printed sheet of tags lies, and write the
+    picture that shows most of the plane; or draw the sheet. Exactly one of `pictures` and `sheet`
+    is given.
 
     Args:
         pictures: The photographs.
-        out: The PNG to write.
-        sheet: File to draw the sheet into, in place of photographs.
+        out: The PNG to write; it must not exist.
+        sheet: File (.pdf, .svg or .png) to draw the sheet into, in place of photographs.
         paper: Paper of the sheet, "a4" or "letter".
         side: Side of a printed tag's black square [mm].
         calibration: Calibration file of the camera, if there is one.
-        covered: "fill" the place of the sheet, "crop" it, or "keep" the sheet.
+        covered: "fill" the place of the sheet with the plane beside it, "crop" it, or "keep" the
+            sheet.
 
     Raises:
         Mistake: A photograph does not show the sheet, or a file cannot be read or written.

@@ -44,7 +44,12 @@ PICTURES = 3600
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """The options of `preflight` and `twin` about log, film and camera."""
+    """The options of the commands `preflight` and `twin` about a robot's log and the film of its
+    camera: the log, the film (`video`), the scenario whose robot has the log's joints, the camera's
+    calibration file or horizontal field of view (`fov` [deg]), the rate of a folder of pictures
+    [Hz], the image topic of a bag, a CSV of stamps, and when the film begins on the log's clock
+    (`begins` [s]). None: not given.
+    """
 
     log: Path
     video: str
@@ -64,18 +69,21 @@ class Given:
 def run(
     log: Path | None, video: str | None, wiggle: Path | None, out: Path | None, **options: object
 ) -> int:
-    """Compare a log with a film; print the table, and write it as a page. Return 1 if something is
-    wrong or refused, else 0.
+    """Compare a robot's log with the film of its camera; print a table of what is wrong, and write
+    it as a page. Or write the motion that the robot should play for such a recording.
 
     Args:
-        log: The robot's log.
-        video: The film of its camera.
-        wiggle: A file to write the motion into, in place of a comparison.
+        log: The robot's log; None only with `wiggle`.
+        video: The film of its camera; None only with `wiggle`.
+        wiggle: A CSV file to write the motion into, in place of a comparison; None: compare.
         out: The folder to write; None: the next free runs/preflight-LOG.
-        **options: The other fields of `Given`.
+        **options: The other fields of `Given`, by name.
+
+    Returns:
+        The exit code: 1 if something is wrong or refused (too uncertain to be stated), else 0.
 
     Raises:
-        Mistake: The log or the film cannot be used.
+        Mistake: The log or the film is missing or cannot be used, or a file cannot be written.
     """
     scenario = options.get("scenario")
     if wiggle is not None:
@@ -96,7 +104,14 @@ def run(
 
 
 def made(given: Given, command: str = "preflight", **more: object) -> Made:
-    """Return the command that repeats a comparison, and the versions of the packages."""
+    """Return what a page says about how it was made: the command line that repeats a comparison,
+    and the versions of the packages.
+
+    Args:
+        given: The options about log, film and camera.
+        command: Name of the command, "preflight" or "twin".
+        **more: Further options of the command line.
+    """
     options = {
         name: getattr(given, name)
         for name in ("scenario", "calibration", "fov", "along", "rate", "topic", "stamps", "begins")
@@ -108,15 +123,16 @@ def made(given: Given, command: str = "preflight", **more: object) -> Made:
 
 
 def show(compared: Comparison) -> None:
-    """Print the table of a comparison, and its doubts."""
+    """Print the table of a comparison of log and film, and a line for each doubt about it."""
     console = Console()
     print_table(console, sections.table(compared))
     plain(console, *(f"doubt: {each}" for each in compared.verdict.doubts))
 
 
 def comparison(given: Given) -> tuple[Comparison, Camera, float]:
-    """Return the comparison of a log with a film, the film's camera, and the time of its first
-    picture on the log's clock but for the offset [s].
+    """Return the comparison of a robot's log with the film of its camera, the film's camera, and
+    the time of the film's first picture on the log's clock [s], to which the offset that the
+    comparison estimates is not yet added.
 
     Raises:
         Mistake: The log or the film cannot be used.
@@ -136,8 +152,9 @@ def comparison(given: Given) -> tuple[Comparison, Camera, float]:
 
 
 def stated_mount(given: Given) -> Mount | None:
-    """Return the mount that the user, or the log, states: a log of the camera's own poses, or of
-    joints of a model with a camera, has it at the camera. None: there is no such statement.
+    """Return the mount (pose of the camera in the robot's hand) that the user, or else the log,
+    states: a log of the camera's own poses, or of a robot's joints with --scenario, has the camera
+    itself as the hand, a mount of zero. None: there is no such statement.
     """
     if given.mount is not None:
         return believed_mount(tuple(given.mount))
@@ -145,8 +162,13 @@ def stated_mount(given: Given) -> Mount | None:
 
 
 def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Camera]:
-    """Return the points of a film, with times on the log's clock but for the offset, and its
-    camera.
+    """Return the image points that were followed through a film, and the film's camera. The points'
+    times are on the log's clock, but for an offset that is not yet known.
+
+    Args:
+        given: The options about log, film and camera.
+        smooth: The smoothed log, used to place a film without stamps of the log's clock.
+        console: The output of the command, for progress and remarks.
 
     Raises:
         Mistake: The film cannot be used.
@@ -192,7 +214,17 @@ def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Ca
 
 
 def camera_for(given: Given, width: int, height: int) -> Camera:
-    """Return the camera of pictures of a size [px], by calibration or field of view."""
+    """Return the camera of a film: that of the calibration file, or a pinhole camera without
+    distortion with the horizontal field of view (60 deg if none is given).
+
+    Args:
+        given: The options about log, film and camera.
+        width: Width of the film's pictures [px].
+        height: Height of the film's pictures [px].
+
+    Raises:
+        Mistake: The calibration cannot be read, or is for another size.
+    """
     if given.calibration is not None:
         camera = camera_in(given.calibration)
         if (camera.width, camera.height) != (width, height):
@@ -206,8 +238,16 @@ def camera_for(given: Given, width: int, height: int) -> Camera:
 
 
 def write_wiggle(path: Path, scenario: str | None) -> None:
-    """Write the motion to play as a CSV of rates: of the hand's twist, or of the joints of a
-    scenario's robot.
+    """Write the motion that a robot should play for a pre-flight, 30 s of slow swings, as a CSV of
+    rates at 50 Hz [m/s, rad/s], and print how far each axis moves.
+
+    Args:
+        path: The file to write; it must not exist.
+        scenario: The scenario whose robot's joints are moved; None: the components of the hand's
+            twist.
+
+    Raises:
+        Mistake: The scenario is wrong, or the file cannot be written.
     """
     check_suffix(path, ".csv")
     check_writable(path)

@@ -51,19 +51,20 @@ ANSWER = pydantic.TypeAdapter[Box | Literal["cancelled"]](Box | Literal["cancell
 def select(
     source: str, pictures: Iterator[Picture], region: str | None
 ) -> tuple[str, Iterator[Picture]]:
-    """Let the user draw the target's region in the first picture.
+    """Let the user draw the target's region in the first picture, on a page in a browser.
 
     Args:
         source: Name of the source, for the page and for errors.
         pictures: The pictures of the source.
-        region: The option --region, which must be None.
+        region: The value of the option --region, which must be None.
 
     Returns:
-        The region as a text "X,Y,W,H[,DEG]", and all pictures.
+        The region as a text "X,Y,W,H[,DEG]" (top left corner and size [px], rotation [deg]), and an
+        iterator over all pictures, the first one included.
 
     Raises:
-        Mistake: There is a region already, the first picture cannot be read, or the user drew no
-            region.
+        Mistake: The option --region is given too, there is no first picture, it cannot be read, or
+            the user drew no region.
         ValueError: The source cannot be read.
     """
     if region is not None:
@@ -85,14 +86,16 @@ def select(
 
 
 def ask(image: Image, name: str) -> Box | None:
-    """Serve a page on which the user draws a region, and open it where there is a desktop.
+    """Serve a page on 127.0.0.1 on which the user draws a region in a picture, open it where there
+    is a desktop, and wait for the answer.
 
     Args:
         image: The picture, RGB (H, W, 3).
         name: The source's name, for the title.
 
     Returns:
-        The region (left, top, width, height [px], rotation [deg]); None if the user cancelled.
+        The region before its rotation (left, top, width, height [px]) and the rotation about its
+        centre [deg]; None if the user cancelled.
 
     Raises:
         Mistake: The user did not answer within 10 minutes.

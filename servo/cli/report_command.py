@@ -37,7 +37,9 @@ ONLY_STUDIES = "--measures is only for folders of sweep and compare: leave out -
 
 @dataclass(frozen=True, slots=True)
 class Printed:
-    """Options of `servobench report`: the files of tables and figures to write beside the page."""
+    """Options of `servobench report` about files to write beside the page: its tables as LaTeX, and
+    its figures; by default none are written.
+    """
 
     latex: Path | None = None
     """File for the tables as LaTeX."""
@@ -53,10 +55,14 @@ def run(folders: Sequence[Path], out: Path | None, **options: Any) -> None:
     """Write the page about the results in some folders, and print the paths of all files.
 
     Args:
-        folders: The folders, or names of public benchmarks for their published rows.
+        folders: The folders, or names of public benchmarks for their published results.
         out: The page's file; None: report.html in the first folder, or NAME.html for the name of a
             benchmark.
-        **options: Tables and figures to write too: the fields of `Printed`.
+        **options: Tables and figures to write too: the fields of `Printed`, by name.
+
+    Raises:
+        Mistake: A folder is missing, unknown or damaged, or a file cannot be written.
+        Refused: The disk is full.
     """
     for path in write(folders, out, Printed(**options)):
         click.echo(path)
@@ -66,13 +72,13 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
     """Write the page about the results in some folders, and the files beside it.
 
     Args:
-        folders: The folders, or names of public benchmarks for their published rows.
+        folders: The folders, or names of public benchmarks for their published results.
         out: The page's file; None: report.html in the first folder, or NAME.html for the name of a
             benchmark.
-        printed: Tables and figures to write beside the page.
+        printed: Tables and figures to write beside the page; None: none.
 
     Returns:
-        The paths of the page, of the LaTeX file and of the folder of figures, if written.
+        The paths of the page, and of the LaTeX file and the folder of figures if they were written.
 
     Raises:
         Mistake: A folder is missing, unknown or damaged, or a file cannot be written.
@@ -105,12 +111,16 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
 
 
 def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
-    """Return the section of a page about the results in a folder, or about the published results of
-    a benchmark by its name; `measures` are the columns of a study's tables.
+    """Return the section of an HTML page about the results in a folder.
+
+    Args:
+        folder: The folder, or the name of a public benchmark for its published results.
+        measures: Columns of the tables of a study (the result of `sweep` or `compare`); None: a
+            few.
 
     Raises:
         Mistake: The folder is missing, has no results or is damaged, or `measures` are given for
-            results that are not of `sweep` or `compare`.
+            results that are not of a study.
     """
     if not folder.is_dir():
         if str(folder) in NAMES and measures is None:

@@ -73,11 +73,13 @@ LEAST_SHARE = 0.05
 
 
 def run(out: Path | None, **options: object) -> None:
-    """Print joints, flanges, reach and the [robot] table of a robot, and draw it in the room.
+    """Print the joints, flanges, reach and the [robot] table of a robot's model, and draw the robot
+    in the room.
 
     Args:
-        options: Settings of the table [robot], with its model; those that are empty are not given.
         out: The PNG to write; None: the first free one of robot.png, robot-2.png and so on.
+        **options: Settings of the table [robot] by name, of which `model` is required; those that
+            are empty are left at their defaults.
 
     Raises:
         Mistake: The model cannot be used, a setting does not fit it, or `out` exists or is not a

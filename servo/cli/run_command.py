@@ -79,10 +79,28 @@ def run(
     all_measures: bool,
     **shown: Any,
 ) -> int:
-    """Run one scenario, write its results into a folder, print how it went, and return the exit
-    code: 1 if a bound was missed, else 0. `ros2`: whether a controller in ROS 2 moves the camera;
-    `shown`: the options for films, logs and viewers. The other arguments, with what None means,
-    and the exceptions are those of `run_scenario`.
+    """Run one scenario, write its results into a folder, and print how it went.
+
+    Args:
+        scenario: A shipped scenario or a TOML file.
+        changes: Changes of settings, such as "run.duration=5".
+        seed: Seed of the random streams; None: that of the scenario.
+        out: The folder to write; None: the next free runs/NAME-SEED.
+        tracker: The tracker as on the command line, such as "kams:paper"; None: the scenario's.
+        controller: The control law as on the command line; None: the scenario's.
+        quiet: Whether to print on stderr only: mistakes and missed bounds.
+        no_rerun: Whether to write no Rerun recording.
+        ros2: Whether a controller in ROS 2 moves the camera.
+        all_measures: Whether to print every measure and the times of a step, too.
+        **shown: Options for films, logs and viewers: the fields of `Outputs`, by name.
+
+    Returns:
+        The exit code: 1 if a bound was missed, else 0.
+
+    Raises:
+        Mistake: The scenario or a setting is wrong, a component failed, or the folder cannot be
+            used.
+        Refused: A file could not be written completely.
     """
     outputs = Outputs(**shown)
     if ros2:
@@ -123,7 +141,7 @@ def run_scenario(
         name: A shipped scenario or a TOML file.
         changes: Changes of settings, such as "run.duration=5".
         seed: Seed of the random streams; None: that of the scenario.
-        out: The folder; None: the next free runs/NAME-SEED.
+        out: The folder to write; None: the next free runs/NAME-SEED.
         tracker: The tracker as on the command line, such as "kams:paper"; None: the scenario's.
         controller: The control law as on the command line; None: the scenario's.
         quiet: Whether to print on stderr only: mistakes and missed bounds.
@@ -205,8 +223,14 @@ def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) 
 def load(
     name: str, changes: Sequence[str], seed: int | None, server: Server | None = None
 ) -> Scenario:
-    """Read a scenario and check its bounds. `seed` replaces run.seed, unless it is None; with a
-    `server` of ROS 2, a controller outside this program replaces the scenario's.
+    """Read a scenario and check its settings and bounds.
+
+    Args:
+        name: A shipped scenario or a TOML file.
+        changes: Changes of settings, such as "run.duration=5".
+        seed: Seed in place of run.seed; None: the scenario's own.
+        server: Connection to a controller in ROS 2, which replaces the scenario's controller; None:
+            the scenario's.
 
     Raises:
         Mistake: There is no such scenario, or a setting or a bound is wrong.
@@ -233,7 +257,10 @@ def _outline_line(outline: Array) -> str:
 
 
 def remarks(episode: Episode) -> list[str]:
-    """Return remarks for the user about a run that is about to begin, a sentence each."""
+    """Return remarks for the user about a run that is about to begin, a sentence each: about the
+    target, the robot, the start, the tracker, measures without a value, and settings without
+    effect.
+    """
     first, region, state = episode.shown
     lines = [
         _outline_line(episode.world.outline) if episode.world.outline_found else "",
@@ -269,8 +296,9 @@ def _tilt_line(episode: Episode) -> str:
 
 
 def measures_lines(scenario: Setup) -> list[str]:
-    """Return sentences about measures without a value, because the run ends before its frames
-    count, and about bounds that every run keeps or every run misses.
+    """Return warnings about a scenario, a sentence each: measures have no value because the run
+    ends before `measure.after`, from which on frames count; or every run keeps, or every run
+    misses, a bound.
     """
     lines = list[str]()
     if scenario.run.duration <= scenario.measure.after:
@@ -371,7 +399,9 @@ def _stage_line(run: Columns, writing: Sequence[float]) -> str:
 
 
 def print_missed(console: Console, record: Record) -> None:
-    """Print the bounds that a run missed, if any, and the command that repeats the run."""
+    """Print a line for each bound that a run missed, and the command that repeats the run; nothing
+    if it missed none.
+    """
     lines = missed_lines(record.missed, record.measures)
     again = f"  again: {record.command}" * bool(record.missed)
     plain(console, *(f"missed: {line}" for line in lines), again)

@@ -166,8 +166,10 @@ class _Json(GenerateJsonSchema):
 
 
 def scenario_schema(more: Schema) -> Schema:
-    """Return the JSON Schema of a scenario's file; `more` are the schemas of its tables `vary`,
-    `expect` and `sweep`.
+    """Return the JSON Schema of a scenario's file.
+
+    Args:
+        more: Schemas of the tables `vary`, `expect` and `sweep`, by these names.
     """
     tables: Schema = {
         **{name: form(config, described=True) for name, config in SECTIONS.items()},
@@ -182,8 +184,11 @@ def scenario_schema(more: Schema) -> Schema:
 
 
 def table(properties: Schema, description: str = "") -> Schema:
-    """Return the JSON Schema of a TOML table with these keys and no others; `properties` has the
-    schema of each key.
+    """Return the JSON Schema of a TOML table that may have these keys and no others.
+
+    Args:
+        properties: The schema of each key.
+        description: Description of the table; "": none.
     """
     about = {"description": description} if description else {}
     return about | {"type": "object", "properties": properties, "additionalProperties": False}

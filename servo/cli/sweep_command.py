@@ -53,7 +53,8 @@ def run(
     dry_run: bool = False,
     measures: str | None = None,
 ) -> int:
-    """Do the missing runs of a study, and write and print its tables.
+    """Do the missing runs of a study (scenarios over axes of settings and seeds), and write and
+    print its tables.
 
     Args:
         study: A shipped study or a TOML file.
@@ -61,7 +62,7 @@ def run(
         seeds: Number of seeds: 0, 1, 2, ...; None: those of the study.
         workers: Number of processes on this machine.
         scheduler: Address of a Dask scheduler to work on instead; None: this machine.
-        out: The folder; None: runs/sweep-STUDY.
+        out: The folder to write; None: runs/sweep-STUDY.
         quiet: Whether to print on stderr only: mistakes, failed runs and missed bounds.
         dry_run: Whether to print only how many runs there are and how long they take.
         measures: Columns of the table, with commas between them; None: those that differ most.
@@ -85,7 +86,8 @@ def run(
 
 
 def measures_of(text: str) -> list[str]:
-    """Return the names of measures in a text such as "servo_rms_px,age_ms", each once.
+    """Return the names in a text of measures with commas between them, such as
+    "servo_rms_px,age_ms", each once.
 
     Raises:
         Mistake: There is no such measure.
@@ -112,7 +114,7 @@ def run_study(
         study: The study.
         command: The command line that repeats it.
         workers: The processes that do the runs.
-        out: The folder; None: runs/sweep-STUDY.
+        out: The folder to write; None: runs/sweep-STUDY.
         console: The output of the command.
         dry_run: Whether to print only how many runs there are and how long they take.
         measures: Columns of the printed table; None: those that differ most.

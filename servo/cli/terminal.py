@@ -23,23 +23,31 @@ COLOURS = {words.Tone.GOOD: "green", words.Tone.BAD: "red", words.Tone.PLAIN: "b
 
 
 def escape(text: str) -> str:
-    """Return a text that rich prints literally: markup and control characters are escaped."""
+    """Return a text that rich prints literally: rich's markup and control characters (but line
+    breaks) are escaped.
+    """
     return markup.escape(printable(text))
 
 
 def moves(console: Console) -> bool:
-    """Return whether animated text, such as a progress bar, can be shown on a console."""
+    """Return True if a console is a terminal, which can show animated text such as a progress
+    bar.
+    """
     # In a pipe, FORCE_COLOR makes `is_terminal` true, but asks for colours only.
     return console.is_terminal and console.file.isatty()
 
 
 def waiting(console: Console, text: str) -> AbstractContextManager[object]:
-    """Show a text with a spinner until the block ends; nothing where the console is no terminal."""
+    """Return a context manager that shows a text with a spinner until its block ends; it shows
+    nothing where the console is no terminal.
+    """
     return console.status(text) if moves(console) else nullcontext()
 
 
 def progress_bar(console: Console) -> Progress:
-    """Return a progress bar with count, time left and a note, which disappears at the end."""
+    """Return a progress bar with title, count, time left and a note, which disappears at the end;
+    it shows nothing where the console is no terminal. Each task needs a field `note`.
+    """
     title = TextColumn("{task.description}")
     note = TextColumn("{task.fields[note]}")
     columns = (title, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), note)
@@ -47,7 +55,9 @@ def progress_bar(console: Console) -> Progress:
 
 
 def print_table(console: Console, shown: words.Table) -> None:
-    """Print a table, then its note; long texts wrap, so that numbers keep all their digits."""
+    """Print a table, then its note. Columns of text wrap, and numbers keep all their digits, even
+    if the table is then wider than the terminal.
+    """
     table = Table(box=None, pad_edge=False, collapse_padding=len(shown.head) > ROOMY)
     for i, title in enumerate(shown.head):
         is_text = i in shown.words
@@ -83,16 +93,18 @@ def _marked(cell: words.Cell) -> str:
 
 
 def plain(console: Console, *lines: str) -> None:
-    """Print lines literally: without colours, added line breaks and markup; skip empty ones."""
+    """Print lines literally: without colours, added line breaks and markup, and with control
+    characters escaped. Empty lines are skipped.
+    """
     for line in filter(None, lines):
         console.print(printable(line), highlight=False, soft_wrap=True, markup=False)
 
 
 def print_paths(console: Console, paths: Iterable[Path]) -> None:
-    """Print the paths of written files, a line each."""
+    """Print the paths of written files, one on each line, indented by two spaces."""
     plain(console, *(f"  {path}" for path in paths))
 
 
 def complain(*sentences: str) -> None:
-    """Print sentences about problems on stderr, a line each, after "servobench: "."""
+    """Print sentences about problems on stderr, one on each line, each after "servobench: "."""
     plain(Console(stderr=True), *(f"servobench: {one_line(each)}" for each in sentences))

@@ -72,8 +72,9 @@ def run(
 
     Args:
         source: A folder of pictures, a video, a bag, a camera or an address.
-        region: The target in the first picture, "X,Y,W,H[,DEG]" [px, deg]; None: that of the truth,
-            or the one that the user draws.
+        region: The target in the first picture, "X,Y,W,H[,DEG]": top left corner and size [px]
+            before a clockwise rotation about its centre [deg]; None: that of the truth, or the one
+            that the user draws.
         topic: The image topic of a bag; None: the only one.
         select: Whether the user draws the region.
         tracker: The tracker, such as "kams" or "kams:paper".
@@ -81,12 +82,12 @@ def run(
         seed: Seed of the tracker's random numbers.
         truth: A file of the truth; None: one beside the source, if there is one.
         truth_format: "otb", "vot", "tld", "csv" or "auto".
-        out: The folder; None: the next free runs/SOURCE-TRACKER-SEED.
+        out: The folder to write; None: the next free runs/SOURCE-TRACKER-SEED.
         rerun: Whether to write a Rerun recording.
-        rate: Pictures a second of a folder [Hz].
-        frames: Most pictures to track; None: all.
+        rate: Frame rate of a folder of pictures [Hz].
+        frames: Largest number of pictures to track; None: all.
         quiet: Whether to print on stderr only: mistakes and warnings.
-        shown_in: The options for films, logs and viewers.
+        **shown_in: Options for films, logs and viewers: the fields of `Outputs`, by name.
 
     Returns:
         The exit code: 1 if the stream broke off or a picture could not be read, that of a signal
@@ -204,10 +205,11 @@ def _warm_up(config: PartConfig[Tracker], console: Console, *, rerun: bool) -> N
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[Table, PartConfig[Tracker]]:
-    """Return the settings of a tracker as a TOML table, and its `Config`.
+    """Return the settings of a tracker that the user changes, as a TOML table with its `kind`, and
+    the tracker's complete `Config`.
 
     Args:
-        kind: The tracker, such as "kams" or "kams:paper".
+        kind: The tracker as on the command line, such as "kams" or "kams:paper".
         changes: Changes of settings, such as "tracker.particles=80".
 
     Raises:
@@ -269,12 +271,15 @@ def _placement(region: str | None, source: str, truth: Array | None) -> tuple[Re
 
 
 def region_of(text: str) -> tuple[Region, State]:
-    """Return a target's region and state, centre [px] and theta [rad], in the first picture from a
-    text "X,Y,W,H[,DEG]": top left corner and size [px] before a rotation about the centre,
-    clockwise [deg].
+    """Return a target's region (width and height [px]) and its state in the first picture (centre
+    [px], theta [rad], scale 1).
 
     >>> region_of("40,30,30,20")[1]
     State(x=55.0, y=40.0, theta=0.0, scale=1.0)
+
+    Args:
+        text: "X,Y,W,H[,DEG]": top left corner and size [px] before a clockwise rotation about the
+            centre [deg].
 
     Raises:
         Mistake: The text has another form.
@@ -394,12 +399,13 @@ def _notes(seen: list[Shot]) -> list[str]:
 def print_track(
     console: Console, what: str, seen: list[Shot], comparison: Comparison | None, end: End | None
 ) -> None:
-    """Print how many frames were tracked, the measures if there is a truth, and warnings.
+    """Print how many frames were tracked, the measures of the track if there is a truth, and on
+    stderr warnings about pictures.
 
     Args:
         console: The output of the command.
         what: Title, such as "kams on car".
-        seen: All tracked pictures.
+        seen: All tracked pictures with their estimates.
         comparison: The track beside its truth, if there is one.
         end: How the source ended; None for a usual end.
     """

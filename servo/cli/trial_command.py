@@ -30,13 +30,13 @@ def trials(
     console: Console,
     total: int,
 ) -> Generator[Trials]:
-    """Open the folder of a command, and yield the function that does its runs; show progress
-    meanwhile.
+    """Context manager that opens the folder of a command, yields the function that does its runs,
+    and shows progress meanwhile.
 
     Args:
         base: The scenario.
-        described: The description of the folder.
-        folder: The folder.
+        described: The description of the folder, for its study.json.
+        folder: The folder to write; runs that it already has are not repeated.
         workers: The processes that do the runs.
         console: The output of the command.
         total: Largest number of runs.
@@ -61,7 +61,15 @@ def trials(
 
 
 def write(folder: Path, section: Section, files: dict[str, bytes | str], console: Console) -> None:
-    """Write the page and other files of a command into its folder, and print their paths."""
+    """Write the page (report.html) and other files of a command into its folder, and print their
+    paths.
+
+    Args:
+        folder: The folder.
+        section: The only section of the page.
+        files: Contents of the other files by name; the page is added to it.
+        console: The output of the command.
+    """
     store = Store(folder)
     files["report.html"] = render([section])
     print_paths(console, [store.write(name, content) for name, content in files.items()])

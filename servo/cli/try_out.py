@@ -18,11 +18,11 @@ from tracking.types import Region, State
 
 def try_out(parts: Iterable[object], console: Console) -> None:
     """Start each tracker of another author on a picture of noise, and each policy that is a
-    program, and end it.
+    program, to see whether it works before many runs depend on it.
 
     Args:
-        parts: Settings of trackers and controllers; equal ones are tried once, and servobench's
-            own ones not at all.
+        parts: Settings of trackers and controllers; equal ones are tried once, and servobench's own
+            ones not at all.
         console: The output, which says for what the command waits.
 
     Raises:

@@ -40,7 +40,8 @@ def run(
     out: Path | None,
     quiet: bool,
 ) -> int:
-    """Search settings, run them and the scenario as it is on fresh seeds, and write lines and page.
+    """Search the best settings of a scenario, run them and the scenario as it is on fresh seeds,
+    and write the settings as TOML lines and a page.
 
     Args:
         scenario: A shipped scenario or a TOML file.
@@ -49,11 +50,11 @@ def run(
         minimise: The measure to minimise.
         keep: Conditions, such as "success_rate>=0.95".
         budget: Largest number of runs of the search.
-        seeds: Number of seeds of a candidate that is not stopped.
-        fresh: Number of fresh seeds.
+        seeds: Number of seeds (1, 2, ...) of a candidate that is not stopped early.
+        fresh: Number of fresh seeds (1001, 1002, ...), which the search has not used.
         workers: Number of processes on this machine.
         scheduler: Address of a Dask scheduler to work on instead; None: this machine.
-        out: The folder; None: runs/tune-SCENARIO.
+        out: The folder to write; None: runs/tune-SCENARIO.
         quiet: Whether to print mistakes only.
 
     Returns:

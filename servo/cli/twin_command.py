@@ -38,18 +38,22 @@ STILLS = 3
 
 
 def run(log: Path, video: str, base: str | None, out: Path | None, **options: object) -> int:
-    """Compare a log with a film, and write the scenario that simulates the robot, a film of the
-    recording beside its simulation, and a page. Return 1 if something is wrong or refused, else 0.
+    """Compare a robot's log with the film of its camera, and write the scenario that simulates the
+    robot, a film of the recording beside its simulation, and a page. The film is left out if the
+    pose of the camera in the hand is too uncertain.
 
     Args:
         log: The robot's log.
         video: The film of its camera.
         base: The scenario to begin with; None: that of the log's joints, or "line".
         out: The folder to write; None: the next free runs/twin-LOG.
-        **options: The other fields of `Given`.
+        **options: The other fields of `Given`, by name.
+
+    Returns:
+        The exit code: 1 if something is wrong or refused (too uncertain to be stated), else 0.
 
     Raises:
-        Mistake: The log or the film cannot be used.
+        Mistake: The log, the film or the scenario cannot be used.
     """
     given = Given(log, video, **options)  # type: ignore[arg-type]
     console = Console()
@@ -148,7 +152,14 @@ def _comments(text: str) -> dict[str, str]:
 
 
 def toml(scenario: str, changes: dict[str, object], notes: dict[str, str]) -> str:
-    """Return the TOML of a scenario with changes, and comments on them.
+    """Return the TOML of a scenario with changed settings, and with comments. The tables `vary`,
+    `expect` and `sweep` are left out.
+
+    Args:
+        scenario: A shipped scenario or a TOML file.
+        changes: Values by dotted key.
+        notes: Comments, by the dotted key of the setting above which they stand, or by a key
+            without a dot for those at the head.
 
     Raises:
         Mistake: A setting is not possible.

@@ -20,10 +20,10 @@ def run(
     Args:
         recording: The folder of a run or a track, or an .rrd file.
         web: Whether to show it in a browser.
-        port: TCP port of the data, with `web`.
-        png: A PNG file to draw instead.
+        port: TCP port of the data, only with `web`; None: 9090.
+        png: A PNG file to draw in place of a window; None: show the recording.
         at: Simulated time that the picture shows [s].
-        panel: Entity of the only panel to draw; None: the whole viewer.
+        panel: Entity of the only panel to draw, such as "world"; None: the whole viewer.
 
     Returns:
         The exit code of Rerun's window; None for a browser or a picture.

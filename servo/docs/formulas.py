@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the renderer with Sphinx as "mathml"; return the extension's properties."""
+    """Register the renderer of formulas with a Sphinx application, as "mathml"; return that Sphinx
+    may read and write pages with it in parallel. Sphinx calls it.
+    """
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 

@@ -35,9 +35,11 @@ Cell = dict[str, object]
 
 
 def notebook(page: str) -> str:
-    """Return the notebook (JSON, nbformat 4) of a page in Markdown.
+    """Return the Jupyter notebook (JSON, nbformat 4) of a tutorial. Blocks of Python and shell
+    become cells of code, and one after "Save as `FILE`:" becomes a cell that writes the file.
 
-    A block of code after "Save as `FILE`:" becomes a cell that writes the file.
+    Args:
+        page: The tutorial in Markdown.
     """
     title, _, rest = page.partition("\n\n")
     cells = list(_cells(f"{title}\n\n{BEGIN}\n\n{rest}"))

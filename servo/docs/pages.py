@@ -49,7 +49,7 @@ QUALITY = 55
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the extension to a Sphinx application; return that Sphinx may read and write its
-    pages in parallel.
+    pages in parallel. Sphinx calls it.
     """
     app.add_config_value("gallery_seconds", SECONDS, "", int)
     app.add_config_value("run_tutorials", False, "env", bool)

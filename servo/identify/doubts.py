@@ -45,12 +45,13 @@ MISTAKEN = {"m": "millimetres", "rad": "degrees"}
 
 
 def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[str]:
-    """Return a sentence for each reason why estimates from a robot's log may be wrong.
+    """Return a sentence for each reason why estimates of delay, lag, play and noise from a robot's
+    log may be wrong.
 
     Args:
         log: The log.
         found: The estimates from the log.
-        fastest: Largest rate of each joint of the simulated robot [m/s, rad/s].
+        fastest: Largest rate of each joint of the simulated robot [m/s, rad/s], by name.
 
     Raises:
         Mistake: A joint does not follow its command, or with another sign or unit; its encoder does
@@ -240,8 +241,8 @@ def _misfit(channel: LogChannel, modelled: Series, most: float) -> Iterator[str]
 
 
 def interval_text(interval: Interval, factor: float = 1.0) -> str:
-    """Return "VALUE (LOW to HIGH)" of an interval times a factor, rounded to two digits of the
-    interval's width.
+    """Return "VALUE (LOW to HIGH)" of an interval times a factor, rounded to two significant digits
+    of the interval's width.
     """
     numbers = [factor * each for each in (interval.value, interval.low, interval.high)]
     width = max(numbers) - min(numbers)

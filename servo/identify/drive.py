@@ -1,4 +1,6 @@
-"""The model of a drive in which the play of its gear and its lag are as in the simulator."""
+"""The model of a robot's drive: the play (backlash) of its gear and its lag, as in the
+simulator.
+"""
 
 from itertools import accumulate
 
@@ -12,10 +14,12 @@ GRID = 2e-3
 
 
 def after_play(motion: Array, play: float) -> Array:
-    """Return a joint's positions (n,) behind a gear from those of its motor [m, rad]; `play` is the
-    whole play of the gear [m, rad].
-
+    """Return a joint's positions (n,) behind a gear with play (backlash), from those of its motor.
     The joint begins in the middle of the play.
+
+    Args:
+        motion: Positions of the motor (n,) [m, rad].
+        play: The whole play of the gear [m, rad].
     """
     if play == 0.0:
         return motion
@@ -32,10 +36,12 @@ def after_play(motion: Array, play: float) -> Array:
 
 
 def after_lag(motion: Array, lag: float) -> Array:
-    """Return the positions (n,) of a drive that follows a motion (n,) with a first-order lag, the
-    time constant `lag` [s].
+    """Return the positions (n,) of a drive that follows a motion with a first-order lag, beginning
+    at rest in the first position.
 
-    The motion is linear between its samples, which are 0.002 s apart.
+    Args:
+        motion: Positions to follow (n,) [m, rad], 2 ms apart, linear in between.
+        lag: Time constant [s]; below 0.1 ms the motion is returned unchanged.
     """
     if lag < GRID / 20:
         return motion

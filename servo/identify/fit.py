@@ -63,9 +63,9 @@ step of the digits."""
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """Delay and lag from a command to the robot's motion, including those of the drives' own servo;
-    their sum; and the sum for each channel (joint, or component of the camera's twist) alone. All
-    are in s, with 95 % intervals.
+    """Delay and lag from a command to the robot's motion, including the drives' own servo; their
+    sum; and this sum for each channel (a joint, or a component of the camera's twist) fitted alone,
+    by its name. All are in s, with 95 % intervals.
     """
 
     delay: Interval
@@ -80,9 +80,10 @@ class Whole:
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """The estimates of `identify` from a robot's log: delay, lag, gains, play, noise, encoder steps
-    and jitter, most with 95 % intervals, and the positions that the model with these estimates
-    gives.
+    """The estimates of `identify` from a robot's log: delay, lag, gains, play (backlash), noise,
+    encoder steps and jitter, most with 95 % intervals, and the positions that the model with these
+    estimates gives. Those of single channels (a joint, or a component of the camera's twist) are by
+    name.
     """
 
     delay: Interval
@@ -112,11 +113,14 @@ class Identified:
 
 
 def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
-    """Estimate delay, lag, gains, play, noise and jitter of the robot that recorded a log.
+    """Estimate delay, lag, gains, play (backlash), noise and jitter of the robot that recorded a
+    log.
 
     Args:
         log: The log.
-        servos: Time constant of the drive's own servo in each channel of the log [s].
+        servos: Time constant of the simulated drive's own servo for each channel of the log (a
+            joint, or a component of the camera's twist), in order [s]; it is not part of the
+            estimated lag.
     """
     channels = log.channels
     model_of = partial(_Model, channels, resolution=GRID + log.uncertain)

@@ -18,11 +18,12 @@ SHOWN = 3.0
 
 
 def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequence[str]) -> str:
-    """Return TOML with the settings that simulate a robot, and with their intervals as comments.
+    """Return TOML with the settings that make a simulated robot move as the real one, and with
+    their intervals as comments.
 
     Args:
-        found: The estimates.
-        joints: The simulated robot's joints, in order.
+        found: The estimates from the robot's log.
+        joints: Names of the simulated robot's joints, in order.
         tick: Interval of the simulated drives, which take commands over at its multiples [s].
         doubts: Sentences about the reasons why the settings may be wrong.
     """
@@ -65,8 +66,12 @@ def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequenc
 
 
 def picture(log: Log, found: Identified) -> Drawing:
-    """Draw commanded, measured and modelled rates [m/s, rad/s] of each channel, for 3 s around the
-    largest change of its command.
+    """Return a drawing of commanded, measured and modelled rates [m/s, rad/s] of each channel (a
+    joint, or a component of the camera's twist), for 3 s around the largest change of its command.
+
+    Args:
+        log: A robot's log.
+        found: The estimates from it.
     """
     figure, axes = panels(9.0, 2.4 * len(log.channels), len(log.channels))
     for channel, modelled, ax in zip(log.channels, found.modelled, axes, strict=True):

@@ -83,7 +83,9 @@ class Series:
 
     @property
     def varies(self) -> bool:
-        """True if two numbers differ by more than rounding to single precision explains."""
+        """True if two of the numbers differ by more than 1e-9, and by more than rounding to single
+        precision explains.
+        """
         rounding = ROUNDING * np.abs(self.values).max(initial=0.0)
         return len(self.values) > 1 and bool(np.ptp(self.values) > max(LEAST, rounding))
 
@@ -109,9 +111,9 @@ class LogChannel:
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """The contents of a robot's log: commands and motion of each channel (joint, or component of
-    the camera's twist), the waits for its pictures [s], and what is missing, unused or doubtful in
-    it.
+    """The contents of a robot's log: commands and motion of each channel (a joint, or a component
+    of the camera's twist), the times that pictures took to arrive [s], and what is missing, unused
+    or doubtful in it.
     """
 
     channels: list[LogChannel]
@@ -133,7 +135,7 @@ class Log:
 
     @property
     def uncertain(self) -> float:
-        """Mean error of a command's stamp because of missing rows [s]."""
+        """Mean error of the time of a command because rows of the log are missing [s]."""
         return self.missing * self.interval
 
 
@@ -150,10 +152,14 @@ def read(path: Path) -> Log:
 
 
 def log_of(table: pa.Table, path: Path) -> Log:
-    """Return the log that a table has; `path` is its file, for messages.
+    """Return the robot's log that a table of columns holds, such as time_s and command_NAME_rad_s.
+
+    Args:
+        table: The table.
+        path: The table's file, for messages.
 
     Raises:
-        Mistake: As `read`.
+        Mistake: The log cannot be used, for one of the reasons that `read` names.
     """
     names = table.column_names
     commands = [found.groups() for found in map(COMMAND.fullmatch, names) if found]
@@ -244,16 +250,22 @@ def _check_enough(moving: Sequence[LogChannel], path: Path) -> None:
 
 
 def listed(names: Sequence[str], most: int) -> str:
-    """Return a text with the first `most` of some names, and the number of the others: "a, b and 3
-    more".
+    """Return the first `most` names with commas between them, and the number of those left out: "a,
+    b and 3 more".
     """
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
 
 def table_in(path: Path) -> pa.Table:
-    """Return a log's rows; a last line of a CSV file without line end is left out, because it may
-    have lost some of its digits.
+    """Return the rows of a robot's log as an Arrow table. A last line of a CSV file without line
+    end is left out, because it may have lost some of its digits.
+
+    Args:
+        path: A file .csv, .parquet or .mcap; of an MCAP file, the JSON messages that have a time_s.
+
+    Raises:
+        Mistake: The file cannot be read, or is of another type.
     """
     with as_mistake():
         data = reading.content(path, "log", LARGEST)
@@ -282,7 +294,16 @@ def table_in(path: Path) -> pa.Table:
 
 
 def numbers_in(table: pa.Table, name: str, path: Path) -> Array:
-    """Return a column of a log (n,); an empty cell is nan."""
+    """Return a column of a robot's log (n,); an empty cell is nan.
+
+    Args:
+        table: The log's rows.
+        name: Name of the column.
+        path: The log's file, for messages.
+
+    Raises:
+        Mistake: There is no such column, or more than one, or it holds something else than numbers.
+    """
     try:
         return np.asarray(table[name].cast(pa.float64()), np.float64)
     except (pa.ArrowException, KeyError) as error:

@@ -32,8 +32,8 @@ SURE = 0.05
 
 
 def section(folder: Path, study: StudyFile) -> Section:
-    """Return the section of an HTML report about a folder that `evaluate` wrote: ranking, curves,
-    contact sheets and runs.
+    """Return the section of an HTML report about a folder that `servobench evaluate` wrote: ranking
+    of the trackers, curves, contact sheets and runs.
 
     Args:
         folder: The folder.
@@ -102,8 +102,11 @@ def _compared(trackers: Sequence[Rank]) -> list[str]:
 
 
 def trackers_table(trackers: Sequence[Rank]) -> Table:
-    """Return the table of trackers in the order of their ranks: means of their measures, and
-    McNemar's test against the best.
+    """Return the table of trackers in the given order: means of their measures over the sequences,
+    and McNemar's test (z and p) against the best tracker, blank for the best one itself.
+
+    Args:
+        trackers: The trackers with their means, the best one first.
     """
     rows: list[list[str]] = []
     for t in trackers:
@@ -156,8 +159,12 @@ def _mean(mean: Interval | None, units: int) -> str:
 
 
 def families_table(trackers: Sequence[Rank]) -> Table | None:
-    """Return a table of the mean success AUC of each tracker on each sequence; None if there is one
-    sequence only. The columns are the trackers, or the sequences if these are fewer.
+    """Return a table of the mean area under the success curve (AUC) of each tracker on each
+    sequence; None if there is one sequence only. The columns are the trackers, or the sequences if
+    these are fewer.
+
+    Args:
+        trackers: The trackers with their means, the best one first.
     """
     names = list(trackers[0].families)
     if len(names) < 2:

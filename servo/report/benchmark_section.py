@@ -36,8 +36,9 @@ COLUMNS = {
 
 
 def section(folder: Path, study: StudyFile) -> Section:
-    """Return the section of an HTML report about a folder that `servobench benchmark` wrote; while
-    no contestant has run in all worlds, it lists the runs so far.
+    """Return the section of an HTML report about a folder that `servobench benchmark` wrote. While
+    no contestant (tracker or control law) has run in all worlds (drawn scenarios), it lists the
+    runs so far.
 
     Args:
         folder: The folder.
@@ -56,8 +57,11 @@ def section(folder: Path, study: StudyFile) -> Section:
 
 
 def published_section(name: str) -> Section:
-    """Return the section of an HTML report about the published (shipped) results of the benchmark
-    of this name.
+    """Return the section of an HTML report about the published results of a benchmark, which are
+    shipped.
+
+    Args:
+        name: Name of the benchmark, such as "loop-v1".
     """
     benchmark = load(name)
     return _section(benchmark, shipped_rows(benchmark), Path(name), [])
@@ -84,16 +88,17 @@ def _section(
 
 
 def is_whole(benchmark: Benchmark, rows: Sequence[Row]) -> bool:
-    """Return whether all rows (each the results of a contestant) have all worlds of the published
-    table (band v1).
+    """Return True if all rows (each the results of a contestant) are complete: they have every
+    world (drawn scenario) of the published table, the set of worlds called "v1".
     """
     whole = len(benchmark.conditions) * benchmark.worlds
     return all(row.band == "v1" and len(row.worlds) == whole for row in rows)
 
 
 def beside_published(benchmark: Benchmark, rows: Sequence[Row]) -> list[Row]:
-    """Return rows (each the results of a contestant), followed by the shipped rows of all other
-    contestants if the given rows have all published worlds (random scenarios).
+    """Return the given rows (each the results of a contestant), followed by the shipped rows of all
+    other contestants. These are added only if every given row has all worlds (drawn scenarios) of
+    the published table.
     """
     names = {row.contestant for row in rows}
     whole = is_whole(benchmark, rows)
@@ -102,12 +107,12 @@ def beside_published(benchmark: Benchmark, rows: Sequence[Row]) -> list[Row]:
 
 
 def by_pictures(benchmark: Benchmark, rows: Sequence[Row]) -> dict[str, list[Row]]:
-    """Return rows of results in groups, by the digest of their rendered pictures: only results on
-    the same pictures can be compared.
+    """Return rows (each the results of a contestant) in groups, by the digest of their rendered
+    pictures: only results on the same pictures can be compared.
 
     If there are rows with the benchmark's own (frozen) pictures, their group is first. Rows without
     pictures, such as those of the reference contestants, whose results define the scores 0 and 100,
-    are in each group.
+    are in each group. If no row has pictures, there is one group, "".
     """
     seen = {row.rendering for row in rows} - {""} or {""}
     order = sorted(seen, key=lambda one: (one != benchmark.rendering, one))
@@ -139,11 +144,12 @@ def blocks_of(
     benchmark: Benchmark, worlds: Sequence[World], groups: Mapping[str, Sequence[Row]]
 ) -> list[Block]:
     """Return the blocks of a report, two for each group of rows (each the results of a contestant):
-    one with the contestants' table and figures, one with the effects of the worlds' factors.
+    one with the contestants' table and figures, one with the effects of the factors in which worlds
+    (drawn scenarios) differ.
 
     Args:
         benchmark: The benchmark.
-        worlds: Worlds of all rows.
+        worlds: The worlds in which all of the contestants ran.
         groups: Rows by the digest of their pictures, from `by_pictures`.
     """
     found = list[Block]()
@@ -164,8 +170,11 @@ def blocks_of(
 
 
 def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
-    """Return the table of contestants (score, rank, measures) from their rows of results, with the
-    best score first.
+    """Return the table of a benchmark's contestants (score, rank, measures), the best score first.
+
+    Args:
+        benchmark: The benchmark, which decides which measures are shown.
+        rows: The results of each contestant.
     """
     is_loop = benchmark.score == "held"
     head = ("contestant", "division", "score", "held" if is_loop else "arrived", "rank", "P")
@@ -200,15 +209,20 @@ def _columns(row: Row) -> list[float | None]:
 
 
 def is_home(row: Row) -> bool:
-    """Return whether a row of results is in the division HOME: of a tracker or law as servobench
-    ships it, without changed settings. Reports draw these in grey where there are others.
+    """Return True if a contestant's row of results is in the division HOME: that of trackers and
+    laws as servobench ships them, with unchanged settings. Tables draw such rows in grey if there
+    are others.
     """
     return row.division == Division.HOME.name
 
 
 def difficulty_of(rows: Sequence[Row]) -> str:
-    """Return a sentence with the numbers of worlds in which nobody and in which everybody but the
-    tracker `frozen` succeeded; an empty text for fewer than three such contestants.
+    """Return a sentence with the numbers of worlds (drawn scenarios) in which nobody and in which
+    every contestant succeeded; "" for fewer than three contestants. The reference tracker `frozen`
+    does not count.
+
+    Args:
+        rows: The results of each contestant.
     """
     found = Difficulty.of(standings(rows))
     if found is None:

@@ -1,4 +1,7 @@
-"""The section of an HTML report about an accuracy budget: a sentence, the table, and the plot."""
+"""The section of an HTML report about an accuracy budget (what each source of error, such as a
+wrong focal length, contributes to the error at the end of a run): a sentence, the table, and the
+plot.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -30,12 +33,13 @@ DIVIDED = "Each bar is the error with all of them, divided as the squares of the
 def section(
     parts: Sequence[Part], left_out: Mapping[str, str], made: StudyFile, folder: Path
 ) -> Section:
-    """Return the section about a budget.
+    """Return the section of an HTML report about an accuracy budget.
 
     Args:
-        parts: Nothing wrong, each source alone, and all together.
+        parts: Errors with nothing wrong, with each source of error alone, and with all together, in
+            this order.
         left_out: Reasons by the names of the sources that the scenario cannot have.
-        made: The scenario, the command and its versions.
+        made: Description of the runs: the scenario, the command and its versions.
         folder: The folder of the runs.
     """
     reasons = [f"{name}: {reason}" for name, reason in left_out.items()]
@@ -52,13 +56,19 @@ def section(
 
 
 def summed(parts: Sequence[Part]) -> Array:
-    """Return the root of the sum of squares of all parts but the last (3,) [mm, deg, px]."""
+    """Return the root of the sum of squares of the errors (3,) [mm, deg, px] of all parts of a
+    budget but the last, which is that of all sources together.
+    """
     return np.linalg.norm([part.error for part in parts[:-1]], axis=0)
 
 
 def sentence(parts: Sequence[Part]) -> str:
-    """Return a budget in a sentence, such as "At the end 0.8 mm, of which the mount rotation is
-    0.6.".
+    """Return an accuracy budget in a sentence, which names up to three sources in each of the units
+    mm, deg and px, such as "At the end 0.8 mm, of which the mount rotation is 0.6; ...".
+
+    Args:
+        parts: Errors with nothing wrong, with each source of error alone, and with all together, in
+            this order.
     """
     found = list[str]()
     whole = parts[-1].error
@@ -80,7 +90,14 @@ def sentence(parts: Sequence[Part]) -> str:
 
 
 def table(parts: Sequence[Part]) -> Table:
-    """Return the table of contributions, alone and together."""
+    """Return the table of an accuracy budget: a row for each part with its magnitude, its errors
+    [mm, deg, px], the error by linear theory [mm] and the successful runs; before the last row, the
+    root of the sum of squares.
+
+    Args:
+        parts: Errors with nothing wrong, with each source of error alone, and with all together, in
+            this order.
+    """
     rows = [
         [p.name, p.magnitude, *map(shown, p.error.tolist()), shown(p.theory), p.success]
         for p in parts
@@ -91,8 +108,12 @@ def table(parts: Sequence[Part]) -> Table:
 
 
 def picture(parts: Sequence[Part]) -> Figure:
-    """Return the stacked plot: a bar for each unit, which is divided as the squares of the
-    contributions are.
+    """Return the plot of an accuracy budget: a bar for each of the units mm, deg and px, divided in
+    proportion to the squares of the parts' errors.
+
+    Args:
+        parts: Errors with nothing wrong, with each source of error alone, and with all together, in
+            this order; the last labels the bars.
     """
     squares = np.square([part.error for part in parts[:-1]])
     shares = squares / np.maximum(squares.sum(axis=0), 1e-300)

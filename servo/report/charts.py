@@ -83,8 +83,8 @@ Shade = tuple[Array, NDArray[np.bool_]]
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A line through n points (x, y), with an optional shaded band from `low` to `high` (n,) and
-    its style.
+    """A line through n points (x, y) of a figure, with an optional shaded band from `low` to `high`
+    (n,), and its style.
     """
 
     label: str
@@ -105,7 +105,8 @@ class Curve:
 @dataclass(frozen=True, slots=True)
 class Scale:
     """An axis of a figure: its title, its limits `low` and `high` (None: those of the values), and
-    the ratio of the values from which it is logarithmic.
+    when it is logarithmic: if the ratio of the largest to the lower quartile of the positive values
+    is above `log_from` (None: never).
     """
 
     title: str
@@ -124,14 +125,16 @@ def curves(
     shaded: Shade | None = None,
     note: str = "",
 ) -> Figure:
-    """Return a figure of lines over a common axis.
+    """Return a figure of lines over a common axis. Lines have a legend if there are several or one
+    is dashed.
 
     Args:
         title: Title of the figure.
         x: The horizontal axis.
         y: The vertical axis.
         drawn: The lines.
-        shaded: Times and flags; the figure is shaded where the flags are true.
+        shaded: Times (n,) and flags (n,); the figure is shaded where the flags are True. None: no
+            shade.
         note: Text below the figure.
     """
     with _canvas() as (figure, axes):
@@ -171,7 +174,8 @@ def heat(
     log_from: float = np.inf,
     note: str = "",
 ) -> Figure:
-    """Return a figure of a table of values as colours.
+    """Return a figure of a table of values as colours. With at most 12 columns the values stand in
+    the cells.
 
     Args:
         title: Title of the figure.
@@ -180,8 +184,9 @@ def heat(
         columns: Names of the columns.
         rows: Names of the rows, from below.
         values: Values (rows, columns); a cell that is nan stays empty.
-        limits: Values of the first and the last colour; by default those of the data.
-        log_from: Ratio of the values above which the colours are logarithmic.
+        limits: Values of the first and the last colour; None: the least and the largest value.
+        log_from: Colours are logarithmic if all values are above 0, and the ratio of the largest to
+            the lower quartile is above this number.
         note: Text below the figure.
     """
     finite = values[np.isfinite(values)] if np.isfinite(values).any() else np.array([0.0, 1.0])
@@ -221,7 +226,7 @@ def stacked(
     Args:
         title: Title of the figure.
         bars: Labels of the bars, from above.
-        names: Names of the parts; one that is thinner than `THINNEST` in each bar is not drawn.
+        names: Names of the parts; one whose share is at most 0.003 in each bar is not drawn.
         shares: Share of each part in each bar (parts, bars), 0 to 1.
         note: Text below the figure.
     """
@@ -296,8 +301,8 @@ def colour(i: int) -> str:
 
 @contextmanager
 def styled() -> Generator[None]:
-    """Give Matplotlib the style of reports' figures within a `with` block, and hide its warnings
-    about characters that the font lacks.
+    """Context manager that gives Matplotlib the style of reports' figures within its block, and
+    hides Matplotlib's warnings about characters that the font lacks.
     """
     with mpl.rc_context(STYLE), warnings.catch_warnings():
         # The browser has the characters that our font lacks.
@@ -316,7 +321,9 @@ def _canvas(height: float = SIZE[1]) -> Generator[tuple[Drawing, Axes]]:
 
 
 def svg(figure: Drawing, title: str) -> Markup:
-    """Return a figure as an SVG element that scales with the page, labelled for screen readers."""
+    """Return a Matplotlib figure as an SVG element for an HTML page: it scales with the page,
+    follows the page's dark mode, and has `title` as its label for screen readers.
+    """
     file = io.StringIO()
     figure.savefig(
         file,
@@ -333,13 +340,14 @@ def svg(figure: Drawing, title: str) -> Markup:
 
 
 def saved(figure: Figure, kind: str, width: float | None = None) -> bytes:
-    """Return the content of a PDF, SVG or PGF file with a figure of a report and its legend.
+    """Return the content of a PDF, SVG or PGF file with a figure of a report and its legend. The
+    figure's drawing gets the width and the legend, and keeps them.
 
     Args:
         figure: A figure that has a drawing.
         kind: pdf, svg or pgf.
-        width: Width before the margins are cut off [inch]; by default that of the page. Texts keep
-            their size.
+        width: Width before the margins are cut off [inch]; None: that on the page. Texts keep their
+            size.
 
     Raises:
         Mistake: A PGF needs TeX, which is not installed.

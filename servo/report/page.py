@@ -57,7 +57,7 @@ MOST_ROWS = 500
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A number or word at the head of a section of a report, with a label and a note."""
+    """A number or word at the head of a section of an HTML report, with a label and a note."""
 
     label: str
     value: Cell
@@ -76,7 +76,9 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure of a report: an SVG element, with title, legend and note."""
+    """A figure of an HTML report: an SVG element, with title, legend (`keys`), a note, and
+    Matplotlib's figure (`drawing`) for files.
+    """
 
     title: str
     svg: Markup
@@ -88,8 +90,8 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class PageImage:
-    """A picture that is embedded in an HTML report, as a data URI, with its width and height [px],
-    and whether it is a contact sheet.
+    """A picture that is embedded in an HTML report as a data URI (`uri`), with its width and height
+    [px]. A contact sheet (`sheet`) keeps a minimum width; any other picture is fitted to the page.
     """
 
     title: str
@@ -102,8 +104,15 @@ class PageImage:
 
     @staticmethod
     def read(path: Path, title: str = "", *, sheet: bool = False) -> "PageImage":
-        """Return the picture in a PNG or JPEG file; a file that is missing or is no picture raises
-        a Mistake.
+        """Return the picture in a PNG or JPEG file.
+
+        Args:
+            path: The file.
+            title: Title of the picture.
+            sheet: Whether it is a contact sheet, which becomes a JPEG.
+
+        Raises:
+            Mistake: The file is missing or is no picture.
         """
         return PageImage.of(title, content(path), str(path), sheet=sheet)
 
@@ -135,8 +144,8 @@ class PageImage:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A part of a section of a report, under a heading: texts, a list, code, tables, figures and
-    pictures in this order; `folded`: closed until the reader opens it.
+    """A part of a section of an HTML report, under a heading: texts, a list (`points`), code,
+    tables, figures and pictures. If `folded`, it is closed until the reader opens it.
     """
 
     title: str
@@ -153,7 +162,9 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """The part of an HTML report about one folder of results."""
+    """The part of an HTML report about one folder of results: the command that wrote the folder
+    (`kind`), title, introduction (`lead`), verdict, facts and blocks.
+    """
 
     kind: str
     """The command that wrote the folder, such as "run"."""
@@ -166,8 +177,8 @@ class Section:
 
 
 def again(made: Made) -> Block:
-    """Return the block "Again" of a report: the command line and the package versions that made a
-    file of results.
+    """Return the block "Again" of a report, which says how results were made: the command line, if
+    they were made by a command, and the versions of the packages.
     """
     table = Table(("package", "version"), list(made.versions.items()), words=range(2))
     if not made.command:
@@ -178,15 +189,15 @@ def again(made: Made) -> Block:
 def rows_of(
     what: str, head: Sequence[str], rows: Iterable[list[str]], count: int, words: Collection[int]
 ) -> Block:
-    """Return a block of a report with a table of at most 500 rows, which is closed until the reader
-    opens it.
+    """Return a block of a report with a table of the first 500 rows; the block is closed until the
+    reader opens it.
 
     Args:
         what: Plural noun for the rows, such as "runs": the title.
         head: Titles of the columns.
-        rows: The rows, of which the first are taken.
+        rows: The rows.
         count: Number of all rows.
-        words: Numbers of the columns that are texts.
+        words: Numbers (from 0) of the columns that are texts.
     """
     table = Table(head, list(islice(rows, MOST_ROWS)), words)
     text = filter(None, [cut(what, range(count), MOST_ROWS)])
@@ -194,8 +205,11 @@ def rows_of(
 
 
 def template(name: str, **filters: Callable[[str], str]) -> Template:
-    """Return the Jinja template of this name in the folder servo/report; it can use the filters
-    that are given by name.
+    """Return a Jinja template of the folder servo/report. Values are escaped in templates of HTML.
+
+    Args:
+        name: Name of the template's file, such as "page.html.jinja".
+        **filters: Functions that the template can use as filters, by name.
     """
     environment = Environment(
         autoescape=".html" in name, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True

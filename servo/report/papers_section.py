@@ -13,7 +13,8 @@ TONES = {WORDS[Finding.HOLDS]: Tone.GOOD, WORDS[Finding.DOES_NOT_HOLD]: Tone.BAD
 
 
 def section(folder: Path) -> Section:
-    """Return the section of an HTML report about a folder that `servobench papers` wrote.
+    """Return the section of an HTML report about a folder that `servobench papers` wrote: the
+    claims of the papers with their rules, effects and verdicts.
 
     Raises:
         Mistake: A file is missing or damaged.

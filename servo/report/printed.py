@@ -45,12 +45,13 @@ def _label(title: str) -> str:
 def figures(
     sections: Sequence[Section], kind: str, width: float | None = None
 ) -> Iterator[tuple[str, bytes]]:
-    """Yield file name and content for each figure of the sections that has a drawing.
+    """Yield (file name, content) for each figure of the sections that has a drawing, such as
+    "01-success.pdf".
 
     Args:
-        sections: Sections of a page.
+        sections: Sections of an HTML report.
         kind: pdf, svg or pgf.
-        width: Width of each figure [inch]; by default that of the page.
+        width: Width of each figure [inch]; None: that on the page.
 
     Raises:
         Mistake: A PGF needs TeX, which is not installed.

@@ -26,8 +26,9 @@ Series = dict[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class StudyResults:
-    """The results of a study, read from its folder; contact sheets are read when they are asked
-    for.
+    """The results of a study (the runs of a scenario over axes of settings and seeds), read from
+    its folder: a row of values for each run, values over time, and the errors of failed runs.
+    Contact sheets are read when they are asked for.
     """
 
     store: Store
@@ -44,7 +45,9 @@ class StudyResults:
 
     @property
     def axes(self) -> dict[str, list[Any]]:
-        """Values of each axis by its setting; axes with a single value are left out."""
+        """Values of each axis of the study, by the dotted key of the axis's setting; axes with a
+        single value are left out.
+        """
         return {
             key: values
             for key, values in self.plan.axes.items()
@@ -53,30 +56,33 @@ class StudyResults:
 
     @property
     def compared(self) -> str | None:
-        """Setting of the axis whose values have different colours in figures: the one that the
-        study compares, or the first axis; None without an axis.
+        """Key of the axis whose values have different colours in figures: the one that the study
+        compares, or else the first axis; None without an axis.
         """
         if self.plan.compare in self.axes:
             return self.plan.compare
         return next(iter(self.axes), None)
 
     def units(self, rows: list[Row]) -> Units:
-        """Return the rows of runs, grouped by the independent units (scenarios, draws or seeds;
-        else all runs together) over which intervals are computed.
+        """Return rows of runs, grouped by independent repetitions, over which intervals are
+        computed: by scenarios, random draws or seeds, or else all runs together.
         """
         return Units.of(rows, self.axes, bool(self.plan.draws))
 
     def groups(self, key: str | None) -> dict[str, list[Row]]:
-        """Return the rows of the runs, by the values of an axis of `axes` in their order; all in
-        one group if `key` is None. A value whose runs have all failed has an empty group.
+        """Return the rows of the runs, by the values (as texts) of an axis, in the axis's order. A
+        value whose runs have all failed has an empty list.
+
+        Args:
+            key: Key of one of `axes`; None: all rows are in one group, "all runs".
         """
         if key is None:
             return {"all runs": self.rows}
         return {str(v): [r for r in self.rows if r[key] == v] for v in self.axes[key]}
 
     def sheets(self, most: int) -> Iterator[tuple[Row, bytes]]:
-        """Yield up to `most` rows with their contact sheets (encoded pictures), first those of runs
-        that did not succeed.
+        """Yield up to `most` runs that have a contact sheet, each as its row and the sheet (bytes
+        of an encoded picture); first those that did not succeed.
         """
         pictured = [row for row in self.rows if row["run"] in self.pictured]
         for row in sorted(pictured, key=lambda r: (bool(r[SUCCESS]), r["run"]))[:most]:
@@ -86,7 +92,7 @@ class StudyResults:
 
 
 def load(folder: Path) -> StudyResults:
-    """Read a study's folder, also if the study is not finished.
+    """Return the results in a study's folder, also if the study is not finished.
 
     Raises:
         Mistake: A file is missing or damaged.
@@ -117,8 +123,12 @@ def load(folder: Path) -> StudyResults:
 
 
 def missing(plan: StudyFile, store: Store) -> list[str]:
-    """Return a sentence with the number of finished runs if a study is not finished, and one with
-    the number of damaged runs if there are any.
+    """Return sentences on what a study lacks: the number of finished runs if it is not finished,
+    and the number of damaged runs if there are any. The list is empty for a complete study.
+
+    Args:
+        plan: Description of the study.
+        store: The study's folder, after `Store.find`.
     """
     found = list[str]()
     if len(store.done) < plan.runs:
@@ -129,22 +139,29 @@ def missing(plan: StudyFile, store: Store) -> list[str]:
 
 
 def duration(series: Series) -> float:
-    """Return the duration of a run [s] from the times of its frames; the last frame counts as long
-    as the median interval between two frames.
+    """Return the duration of a run [s] from the times of its frames ("time_s"); the last frame
+    counts as long as the median interval between two frames, or 0 if it is the only one.
     """
     time = series[TIME]
     return float(time[-1] + (np.median(np.diff(time)) if len(time) > 1 else 0))
 
 
 def median(rows: list[Row], name: str) -> float:
-    """Return the median of a measure over the rows that have it; nan if none has."""
+    """Return the median of a measure over the runs in which it has a finite value; nan if there is
+    none.
+
+    Args:
+        rows: Rows of the runs.
+        name: Name of the measure.
+    """
     found = values(rows, name)
     return float(np.median(found)) if len(found) else np.nan
 
 
 def cell_row(cell: Cell, measures: Iterable[str]) -> list[str]:
-    """Return a row of a study's table as texts, for one cell (a combination of axis values): these
-    values, the number of units, the success rate with its interval, and means of these measures.
+    """Return a row of a study's table as texts, for one cell (a combination of axis values): the
+    axis values, the number of independent repetitions, the success rate with its 95 % interval, and
+    the means of the measures.
 
     A mean over a part of the runs is followed by their number: "2.1 (1 of 10)".
     """

@@ -29,8 +29,8 @@ def paths(study: StudyResults) -> list[Figure]:
     first seed: a figure for each combination of values of the axes that are not compared (up to 12
     figures), with a column for each value of the compared axis.
 
-    The list is empty if the study compares no named groups of settings, or groups that only set
-    the tracker.
+    The list is empty unless the study compares named groups of settings that change more than the
+    tracker.
     """
     if study.compared is None or not shows(study):
         return []
@@ -44,7 +44,7 @@ def paths(study: StudyResults) -> list[Figure]:
 
 
 def shows(study: StudyResults) -> bool:
-    """Return whether figures of the paths suit the study: whether it compares named groups of
+    """Return True if figures of the camera's paths suit a study: it compares named groups of
     settings that change more than the tracker.
     """
     groups = study.plan.table.get("named", {}).get(study.compared, {})

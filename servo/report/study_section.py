@@ -56,12 +56,12 @@ BOUNDS = (
 
 
 def section(folder: Path, measures: Sequence[str] | None = None) -> Section:
-    """Return the section of an HTML report about a folder that `servobench sweep` or `compare`
-    wrote.
+    """Return the section of an HTML report about a study: a folder that `servobench sweep` or
+    `compare` wrote.
 
     Args:
         folder: The folder.
-        measures: Measures in its tables; by default a few that suit the compared axis.
+        measures: Names of the measures in its tables; None: a few that suit the compared axis.
 
     Raises:
         Mistake: A file is missing or damaged.

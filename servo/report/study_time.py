@@ -60,10 +60,11 @@ DISTANCES = {
 
 
 def figures(study: StudyResults) -> list[Figure]:
-    """Return figures of the errors, and of the share of runs still on the target, over time; each
-    value of the compared axis has a colour.
+    """Return figures over time: of the errors [px], and of the share of runs whose tracker is still
+    on the target. Each value of the axis that the study compares has a colour.
 
-    Runs of different scenarios or durations are in different figures.
+    Runs of different scenarios or durations, of which the first six are drawn, are in different
+    figures, unless the study compares scenarios or durations.
     """
     keys = [key for key in APART if key in study.axes and key != study.compared]
     parts = grouped(keys, study.rows)
@@ -116,8 +117,12 @@ def _lines(
 
 
 def band(runs: Sequence[Series], name: str) -> Values | None:
-    """Return times (n,) [s], and the 50th, 10th and 90th percentile (n,) of a series over the runs
-    that last until each time; None if no run has the series.
+    """Return 200 times (n,) [s], and the median, 10th and 90th percentile (n,) of a value at these
+    times, over the runs that last until then; None if no run has finite values of it.
+
+    Args:
+        runs: Values of each run over time (m,) by name; "time_s" are the times [s].
+        name: Name of the value, such as "servo_error_px".
     """
     having = [run for run in runs if name in run and np.isfinite(run[name]).any()]
     if not having:
@@ -135,9 +140,12 @@ def band(runs: Sequence[Series], name: str) -> Values | None:
 
 
 def survival(runs: Sequence[Series]) -> Values | None:
-    """Return times (n,) [s], and at each the share (n,) of the runs that last until then and whose
-    tracker was never off the target since the first second; None if no run has the series
-    "on_target".
+    """Return 200 times (n,) [s], and at each the share (n,), from 0 to 1, of the runs whose tracker
+    was never off the target from the first second until then, among the runs that last until then;
+    None if no run has the value "on_target".
+
+    Args:
+        runs: Values of each run over time (m,) by name; "time_s" are the times [s].
     """
     having = [run for run in runs if ON_TARGET in run]
     if not having:
@@ -158,8 +166,9 @@ def _lasting(runs: Sequence[Series]) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def against(study: StudyResults) -> list[Figure]:
-    """Return figures of the mean rms error and of the success rate, with 95 % intervals, against
-    each axis of numbers (the first six); each value of the compared axis has a colour.
+    """Return figures of the mean rms error [px] and of the success rate (0 to 1), with 95 %
+    intervals, against each numeric axis of a study, the first six at most. Each value of the axis
+    that the study compares has a colour.
     """
     numeric = [key for key in study.axes if _numeric(study.axes[key])]
     found: list[Figure] = []
@@ -181,8 +190,9 @@ def against(study: StudyResults) -> list[Figure]:
 
 
 def heat_maps(study: StudyResults) -> list[Figure]:
-    """Return heat maps of success rate and median error over two axes of a study; an empty list if
-    it has fewer. Numeric axes are preferred, then the axis whose values are compared.
+    """Return heat maps of the success rate (0 to 1) and the median rms error [px] over two axes of
+    a study; an empty list if the study has fewer axes. Numeric axes are preferred, then the axis
+    that the study compares.
     """
     keys = sorted(study.axes, key=lambda k: (not _numeric(study.axes[k]), k != study.compared))
     if len(keys) < 2:

@@ -38,7 +38,10 @@ NOTE = (
 
 @dataclass(frozen=True, slots=True)
 class Tuned:
-    """The result of a search for settings."""
+    """The result of a search for the best settings of a scenario: what was tried and found, and
+    runs of the scenario as it is (`before`) and with the best settings (`after`) on fresh seeds,
+    which the search has not used.
+    """
 
     aim: Aim
     own: Settings
@@ -53,7 +56,9 @@ class Tuned:
 
     @property
     def lines(self) -> str:
-        """The best settings as lines of TOML, for the scenario's file."""
+        """The best settings as lines of TOML, for the scenario's file; "" if the scenario as it is
+        is best.
+        """
         table: Settings = {}
         for key, value in self.best.settings.items():
             put(table, key, value, key)
@@ -61,14 +66,16 @@ class Tuned:
 
     @property
     def measures(self) -> list[str]:
-        """The measures of interest: what is minimised, what is bounded, and the effort."""
+        """Names of the measures to show, each once: the one that is minimised, the success rate,
+        those with a condition, and the effort.
+        """
         kept = (condition.name for condition in self.aim.keep)
         return list(dict.fromkeys((self.aim.minimise, SUCCESS_RATE, *kept, EFFORT)))
 
     @property
     def gain(self) -> Interval | None:
-        """The measure before minus that after, as a mean over fresh seeds with its 95 % interval;
-        None without a value.
+        """By how much the best settings lower the minimised measure, in its unit: before minus
+        after, as a mean over fresh seeds with its 95 % interval. None if no seed has both values.
         """
         before, after = (column(runs, self.aim.minimise) for runs in (self.before, self.after))
         return _mean("", before - after)
@@ -84,7 +91,9 @@ class Tuned:
 
     @property
     def sentence(self) -> str:
-        """The result in a sentence or two."""
+        """The result of the search in a sentence or two: the best settings and their gain, or why
+        there are none.
+        """
         chosen = listed(self.best.settings) or f"those of the scenario {AS_IT_IS}"
         if not self.after:
             names = self.measures
@@ -105,7 +114,9 @@ class Tuned:
         )
 
     def table(self) -> Table:
-        """Return the table of measures on fresh seeds, before and after."""
+        """Return the table of measures on fresh seeds, as means with 95 % intervals: of the
+        scenario as it is, and of the best settings.
+        """
         rows = [
             [name, _unit(name), *(spread(_mean(name, column(r, name))) for r in both)]
             for both in [(self.before, self.after)]
@@ -116,7 +127,13 @@ class Tuned:
 
 
 def section(tuned: Tuned, made: StudyFile, folder: Path) -> Section:
-    """Return the section about a search, whose scenario, command and versions are in `made`."""
+    """Return the section of an HTML report about a search for settings.
+
+    Args:
+        tuned: The result of the search.
+        made: Description of the runs: the scenario, the command and its versions.
+        folder: The folder of the runs.
+    """
     numeric = [key for key, value in tuned.own.items() if not isinstance(value, str)]
     figures = [
         _scatter(tuned, key, key, [_setting(tuned, t, key) for t in tuned.tried]) for key in numeric

@@ -24,14 +24,18 @@ class Tone(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Badge:
-    """A short text on a coloured ground, such as a verdict."""
+    """A short text on a coloured ground in a report, such as a verdict; `tone` says whether it is
+    good, bad or neither.
+    """
 
     text: str
     tone: Tone
 
     @staticmethod
     def of(held: bool, good: str, bad: str | None = None) -> Badge:
-        """Return a good badge if `held`, else a bad one, whose text is `good` if `bad` is None."""
+        """Return a badge: a good one with the text `good` if `held`, else a bad one with the text
+        `bad`, or with `good` if `bad` is None.
+        """
         return Badge(good, Tone.GOOD) if held else Badge(bad or good, Tone.BAD)
 
 
@@ -40,7 +44,10 @@ Cell = str | Badge
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of texts with a head; `words` are the numbers of the columns that are not numeric."""
+    """A table of texts for a report or a terminal: titles of the columns (`head`), rows of cells,
+    and a note below. `words` and `faint` are numbers from 0: of the columns that are not numeric,
+    and of the rows that are grey.
+    """
 
     head: Sequence[str]
     rows: Sequence[Sequence[Cell]]
@@ -52,7 +59,8 @@ class Table:
 
 def shown(value: object) -> str:
     """Return a value as text: a float with three significant digits, or from 100 to a million as a
-    whole number with commas; a dash for None, nan and infinite values; yes or no for a bool.
+    whole number with commas; a dash for None, nan and infinite values; yes or no for a bool; `str`
+    of anything else.
     """
     if value is None:
         return NOTHING
@@ -66,9 +74,13 @@ def shown(value: object) -> str:
 
 
 def spread(interval: Interval | None, units: int = 0) -> str:
-    """Return a mean with its 95 % interval as text, such as "2.1 (1.9 to 2.4)": the mean alone if
-    the interval is unknown or has no width, a dash for None. If the mean is over another number of
-    repetitions than `units`, that number follows in the brackets: "2.1 (1.9 to 2.4, n 5)".
+    """Return a mean with its 95 % interval as text, such as "2.1 (1.9 to 2.4)". It is the mean
+    alone if the interval is unknown or has no width, and a dash for None.
+
+    Args:
+        interval: The mean and its interval.
+        units: Usual number of independent repetitions; if the mean is over another number, this
+            follows: "2.1 (1.9 to 2.4, n 5)". 0: it never does.
     """
     if interval is None:
         return NOTHING
@@ -80,8 +92,11 @@ def spread(interval: Interval | None, units: int = 0) -> str:
 
 def basis(interval: Interval, unit: str) -> str:
     """Return what a mean is based on, such as "mean of 7 recordings, 95 %: 1.9 to 2.4"; without a
-    known interval "mean of 7 recordings: no interval". `unit` is the counted noun in the singular,
-    such as "recording".
+    known interval "mean of 7 recordings: no interval".
+
+    Args:
+        interval: The mean, its interval, and the number of repetitions.
+        unit: Noun for a repetition in the singular, such as "recording".
     """
     over = f"mean of {counted(interval, unit)}"
     if not interval.known:
@@ -90,8 +105,12 @@ def basis(interval: Interval, unit: str) -> str:
 
 
 def counted(interval: Interval | None, unit: str) -> str:
-    """Return the number of an interval's units with their noun, such as "7 recordings"; 0 without
-    an interval. `unit` is this noun in the singular.
+    """Return the number of repetitions that a mean is over, with their noun, such as "7
+    recordings".
+
+    Args:
+        interval: The mean with this number; None counts as 0.
+        unit: Noun for a repetition in the singular, such as "recording".
     """
     count = interval.units if interval else 0
     return f"{count} {unit}{'' if count == 1 else 's'}"
@@ -103,7 +122,12 @@ def listed(settings: Mapping[str, object]) -> str:
 
 
 def cut(what: str, found: Sequence[object], most: int) -> str | None:
-    """Return the sentence that only the first `most` of a list are shown; None if all are. `what`
-    is the plural noun for them.
+    """Return the sentence "The first 5 of 20 runs are shown."; None if the list is not longer than
+    `most`.
+
+    Args:
+        what: Plural noun for the items, such as "runs".
+        found: The list.
+        most: Number of items that are shown.
     """
     return f"The first {most} of {len(found):,} {what} are shown." if len(found) > most else None

@@ -1,1 +1,3 @@
-"""The choice of settings of a scenario for a measure under conditions, by a search over runs."""
+"""The search for the best settings of a scenario: those that minimise a measure and keep conditions
+on other measures, by many runs.
+"""

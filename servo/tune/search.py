@@ -45,7 +45,9 @@ Perform = Callable[[Sequence[tuple[Table, int]]], Sequence[Values]]
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A bound on the mean of a measure over runs, such as "effort_rms_mm_s<=40"."""
+    """A bound on the mean of a measure over runs, such as "effort_rms_mm_s<=40"; `sign` is 1 for
+    "at most" and -1 for "at least".
+    """
 
     name: str
     sign: int
@@ -54,7 +56,8 @@ class Condition:
 
     @staticmethod
     def read(text: str) -> "Condition":
-        """Return the condition in a text such as "success_rate>=0.95".
+        """Return the condition in a text MEASURE<=NUMBER or MEASURE>=NUMBER, such as
+        "success_rate>=0.95".
 
         Raises:
             Mistake: The text has another form, or there is no such measure.
@@ -72,8 +75,11 @@ class Condition:
         return f"{self.name}{'<=' if self.sign > 0 else '>='}{self.bound:g}"
 
     def excess(self, runs: Sequence[Values]) -> Array:
-        """Return by how much each of n runs (n,) is beyond the bound, over the bound; below 0 where
-        it keeps the bound.
+        """Return by how much each of n runs is beyond the bound (n,), as a share of the bound (of 1
+        if it is 0): negative where a run keeps it, and 10 for a run without a finite value.
+
+        Args:
+            runs: Measures of each run by name.
         """
         values = column(runs, self.name)
         beyond = self.sign * (values - self.bound) / (abs(self.bound) or 1.0)
@@ -82,20 +88,38 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Aim:
-    """A measure to minimise, and the conditions that the means of measures should keep."""
+    """What a search for settings is after: a measure to minimise, and conditions that the means of
+    measures should keep.
+    """
 
     minimise: str
     keep: tuple[Condition, ...]
 
     @staticmethod
     def read(minimise: str, keep: Sequence[str]) -> "Aim":
-        """Return the aim of a command line; a text that is wrong raises a Mistake."""
+        """Return the aim that the options of a command line give.
+
+        Args:
+            minimise: Name of the measure.
+            keep: Conditions, such as "success_rate>=0.95".
+
+        Raises:
+            Mistake: There is no such measure, or a condition has another form.
+        """
         check_known([minimise], NAMES, "--minimise", "measure")
         return Aim(minimise, tuple(map(Condition.read, keep)))
 
     def score(self, runs: Sequence[Values]) -> tuple[float, float]:
-        """Return by how much the runs of some settings break the conditions, and the mean of the
-        measure. The smaller of two scores is better, as tuples are compared.
+        """Return (excess, mean) of runs with the same settings; of two such tuples the smaller one
+        is better.
+
+        The excess is the sum of the mean amounts by which the runs break the conditions, each as a
+        share of its bound, plus 10 times the share of runs without a value of the measure; 0 if all
+        is kept. The mean is that of the measure, in its unit, over the runs that have it; infinite
+        if none has.
+
+        Args:
+            runs: Measures of each run by name.
         """
         values = column(runs, self.minimise)
         finite = values[np.isfinite(values)]
@@ -104,12 +128,13 @@ class Aim:
         return missing + broken, float(finite.mean()) if len(finite) else np.inf
 
     def is_worse(self, runs: Sequence[Values], best: Sequence[Values]) -> bool:
-        """Return whether settings are clearly worse than the best ones: by a paired one-sided t
-        test of the measure, or because they break a condition by the same test of its values.
+        """Return True if settings are clearly worse than the best ones: by a paired one-sided t
+        test of the measure (95 %), or because they break a condition by the same test. Return False
+        as long as the best ones break a condition themselves.
 
         Args:
-            runs: Runs of the settings with the first seeds.
-            best: Runs of the best settings with all seeds, in the same order.
+            runs: Measures of the settings' runs with the first seeds.
+            best: Measures of the best settings' runs with all seeds, in the same order of seeds.
         """
         if self.score(best)[0] > 0:
             return False
@@ -120,7 +145,9 @@ class Aim:
 
 @dataclass(slots=True)
 class Candidate:
-    """Settings that were tried, and the values of their runs, in the order of the seeds."""
+    """Settings that a search tried, and the measures of their runs, in the order of the seeds; a
+    candidate that was stopped early has fewer runs.
+    """
 
     settings: Table
     """Values by dotted key; an empty table: the scenario as it is."""
@@ -130,8 +157,8 @@ class Candidate:
 
 
 def values_of(record: Record | None) -> Values:
-    """Return the values of a run that an aim can use; of one that failed (None) only that it did
-    not succeed.
+    """Return the measures of a run by name, with "success_rate" (1.0 or 0.0); for a run that failed
+    (None), only a "success_rate" of 0.0.
     """
     if record is None:
         return {SUCCESS_RATE: 0.0}
@@ -139,12 +166,21 @@ def values_of(record: Record | None) -> Values:
 
 
 def column(runs: Sequence[Values], name: str) -> Array:
-    """Return the values (n,) of a measure in n runs; nan where a run has none."""
+    """Return the values (n,) of a measure in n runs, in its unit; nan where a run has none.
+
+    Args:
+        runs: Measures of each run by name.
+        name: Name of the measure.
+    """
     return np.array([run.get(name, np.nan) for run in runs], dtype=float)
 
 
 def check_budget(budget: int, seeds: int) -> None:
-    """Check that Optuna is installed, and that the budget of runs is enough for a search.
+    """Check that Optuna is installed, and that a budget of runs is enough for a search.
+
+    Args:
+        budget: Largest number of runs.
+        seeds: Number of seeds of each candidate; five times as many runs are needed.
 
     Raises:
         Mistake: Optuna is missing, or the budget is too small.
@@ -171,19 +207,23 @@ def search(
     budget: int,
     finished: Callable[[Table], Table] = dict,
 ) -> tuple[list[Candidate], Candidate]:
-    """Search the best settings with at most `budget` runs; the same arguments give the same result.
+    """Search the best settings of a scenario with at most `budget` runs; the same arguments give
+    the same result.
 
     Args:
-        aim: The measure and the conditions.
-        draws: The settings with their ranges or values.
-        perform: Function that does runs.
+        aim: The measure to minimise and the conditions to keep.
+        draws: The settings to search, each with its range or values.
+        perform: Function that does runs, given pairs of settings (by dotted key) and a seed, and
+            returns the measures of each by name.
         seeds: The seeds of each candidate. If the first two runs of the scenario as it is are
             equal, only the first seed is used.
         budget: Largest number of runs.
-        finished: Function that returns the settings of a candidate from the proposed values.
+        finished: Function that returns the settings of a candidate from the proposed values, both
+            by dotted key.
 
     Returns:
-        All candidates in their order, of which the first is the scenario as it is, and the best.
+        All candidates in their order, of which the first is the scenario as it is, and the best
+        one.
     """
     import optuna
 

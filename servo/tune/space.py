@@ -30,7 +30,7 @@ LARGEST_GAIN = 1000.0
 
 
 def asked(texts: Sequence[str]) -> list[Draw]:
-    """Return the settings that a command line names, with their ranges or values.
+    """Return the settings that a user names to be searched, each with its range or values.
 
     Args:
         texts: Texts such as "controller.gain=0.2:5:log" or "estimator.kind=none,imm".
@@ -62,16 +62,17 @@ def _read(text: str) -> Draw:
 
 
 def usual(scenario: Scenario, own: Table) -> list[Draw]:
-    """Return the settings that are searched where a user names none: the gain, up to where the
-    delay makes the loop of an integrator unstable; the noises of the estimator; and, if commands
-    act more than one frame late, whether it predicts.
+    """Return the settings that are searched if the user names none, each with its range or values:
+    the gain, up to where the delay makes a loop with an integrator unstable, and at least to twice
+    its own value; the noises of the estimator; and, if commands act more than one frame late,
+    whether the estimator predicts.
 
     Args:
         scenario: The scenario.
-        own: All of its settings by dotted key.
+        own: All settings of the scenario by dotted key.
 
     Raises:
-        Mistake: The scenario has none of them.
+        Mistake: The scenario has none of these settings.
     """
     rate = scenario.camera.rate
     tracker = scenario.run.tracker_ms
@@ -96,7 +97,13 @@ def usual(scenario: Scenario, own: Table) -> list[Draw]:
 
 
 def check(draws: Sequence[Draw], base: StudiedScenario, seed: int) -> None:
-    """Check each end and each value of the settings that are searched in a scenario.
+    """Check that a scenario accepts each end of the ranges, and each value, of the settings to
+    search.
+
+    Args:
+        draws: The settings with their ranges or values.
+        base: The scenario.
+        seed: Seed of the run for which settings are checked.
 
     Raises:
         Mistake: The scenario has no such setting, or refuses a value.
@@ -109,11 +116,12 @@ def check(draws: Sequence[Draw], base: StudiedScenario, seed: int) -> None:
 
 
 def finished(proposed: Table, own: Table) -> Table:
-    """Return the settings of a candidate from proposed values: without kinds that the scenario has
-    anyway, without settings of a kind that is replaced, and with whole numbers where it has them.
+    """Return the settings of a candidate (by dotted key) from proposed values: without kinds that
+    the scenario has anyway, without settings of a component whose kind is replaced, and rounded
+    where the scenario has whole numbers.
 
     Args:
-        proposed: Values by dotted key.
+        proposed: Proposed values by dotted key.
         own: All settings of the scenario by dotted key.
     """
     kinds = {k: v for k, v in proposed.items() if k.endswith(".kind") and v != own.get(k)}

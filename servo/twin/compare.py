@@ -1,4 +1,6 @@
-"""The comparison of a robot's log with the film of its camera: offset, mistakes, mount, verdict."""
+"""The comparison of a robot's log with the film of its camera: the offset of the film's clock,
+mistakes in the log, the mount (pose of the camera in the hand), and a verdict.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -26,8 +28,10 @@ THIRDS = 3
 
 @dataclass(frozen=True, slots=True)
 class Trust:
-    """What of the camera is known: its focal length, its lever along the optical axis [m], or
-    neither; and the mount that the user states.
+    """What is known of the camera before a comparison of a robot's log with its film: whether its
+    focal length is calibrated, the distance from the hand's origin to the camera along the optical
+    axis (`along` [m], None: unknown), and the pose of the camera in the hand that the user states
+    (`believed`, None: none).
     """
 
     focal: bool = False
@@ -37,7 +41,7 @@ class Trust:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """The result of a comparison."""
+    """The result of the comparison of a robot's log with the film of its camera."""
 
     tracks: Tracks
     """The film's points, on the log's clock but for the offset."""
@@ -54,8 +58,15 @@ class Comparison:
 def compare(
     smooth: Smooth, tracks: Tracks, trust: Trust, tick: Callable[[str], None]
 ) -> Comparison:
-    """Compare a log with the points of a film, whose times are on the log's clock but for an
-    offset of at most 1 s.
+    """Compare a robot's log with the points of a film: estimate the offset of the film's clock and
+    the mount (pose of the camera in the hand), and look for mistakes in log and film.
+
+    Args:
+        smooth: The smoothed log.
+        tracks: Points that were followed through the film, with times on the log's clock to within
+            1 s.
+        trust: What is known of the camera.
+        tick: Called after each fit, with a note about it.
     """
     steps = tracks.steps
     flows = offsets.affine_flows(steps)
@@ -129,8 +140,12 @@ def _drift(moved: RobotMotion, film: Tracks) -> float:
 
 
 def rough_begin(smooth: Smooth, tracks: Tracks) -> float:
-    """Return the time of a log at which a film without stamps of its clock begins, to 20 ms [s]:
-    where the hand's motion explains the film best.
+    """Return the time on the log's clock at which a film begins whose times have another clock [s]:
+    where the hand's motion explains the motion of the film's points best, to about 20 ms.
+
+    Args:
+        smooth: The smoothed log.
+        tracks: Points that were followed through the film, with times from any origin.
     """
     steps = tracks.steps
     room = smooth.times[-1] - smooth.times[0]

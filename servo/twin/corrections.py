@@ -1,4 +1,6 @@
-"""The mistakes that a log or a film may have, each as the correction that takes it back."""
+"""The mistakes that a robot's log or the film of its camera may have, each as the correction that
+takes it back.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -17,7 +19,7 @@ DEGREE = np.pi / 180
 
 
 class Kind(Enum):
-    """The values of a log from which the hand's motion follows."""
+    """Kind of the values in a log from which the motion of the robot's hand follows."""
 
     POSES = "poses"
     """x, y, z [m] and a quaternion x, y, z, w."""
@@ -28,7 +30,7 @@ class Kind(Enum):
 
 
 class Frame(Enum):
-    """The frame in which twists are given."""
+    """Frame in which the twists of the robot's hand are given in a log."""
 
     HAND = "hand"
     BASE = "base"
@@ -37,8 +39,9 @@ class Frame(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Smooth:
-    """Smoothed values of a log on an even grid of times, and the function that makes poses (n, 7)
-    of joint positions (n, k).
+    """The motion in a robot's log, smoothed on an even grid of times: poses of the hand, twists of
+    the hand or joint positions; with joint positions (n, k) [m, rad], a function that returns the
+    poses (n, 7) of the hand: x, y, z [m] and a quaternion x, y, z, w.
     """
 
     kind: Kind
@@ -54,8 +57,9 @@ class Smooth:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """What takes a mistake back: a change of the log's values, the frame of its twists, or flips of
-    the film.
+    """A mistake that a robot's log or the film of its camera may have, with what takes it back: a
+    change of the log's values, another frame of its twists, flips of the film, or a factor on the
+    film's times.
     """
 
     mistake: str
@@ -73,7 +77,7 @@ class Correction:
 
 
 def millimetres(smooth: Smooth) -> Correction:
-    """Return the correction of a log whose lengths are in millimetres."""
+    """Return the correction of a log whose lengths are in millimetres: it divides them by 1000."""
     columns = [0, 1, 2]
     if smooth.kind is Kind.JOINTS:
         columns = [k for k, name in enumerate(smooth.names) if name.endswith("_m")]
@@ -85,7 +89,9 @@ def millimetres(smooth: Smooth) -> Correction:
 
 
 def motion(smooth: Smooth, *corrections: Correction) -> RobotMotion:
-    """Return the hand's motion after some corrections of a log."""
+    """Return the motion of the robot's hand that follows from a log, after corrections of the log's
+    values and of the frame of its twists. Flips and stretches of the film have no effect here.
+    """
     values = smooth.values
     frame = Frame.HAND
     for each in corrections:
@@ -113,7 +119,9 @@ def _in_hand(times: Array, twists: Array, frame: Frame) -> Array:
 
 
 def corrections(smooth: Smooth) -> list[Correction]:
-    """Return all corrections that a log and its film may need, each alone, but for its rate."""
+    """Return all corrections that a log and its film may need, each alone, for the kind of the
+    log's values. Corrections of the film's rate are left out; `rates` has them.
+    """
     of_log = {Kind.POSES: _of_poses, Kind.TWISTS: _of_twists, Kind.JOINTS: _of_joints}[smooth.kind]
     return [*of_log(smooth.names), MIRRORED]
 
@@ -128,7 +136,9 @@ MIRRORED = Correction(
 
 
 def rates() -> Iterator[Correction]:
-    """Yield the corrections of films whose rate is another usual one than the given."""
+    """Yield the corrections of films whose true rate is another usual one than the given rate (such
+    as 25 Hz and not 30): each stretches the film's times.
+    """
     for true, given in ((25, 30), (24, 30), (30, 25), (15, 30), (30, 15), (60, 30), (30, 60)):
         yield Correction(
             f"the film's times run {true / given:.4g} times as fast as the log's",

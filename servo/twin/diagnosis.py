@@ -46,7 +46,10 @@ SINGLES = 4
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """The fit of a log with some corrections."""
+    """The fit of the camera's mount to log and film after some corrections of them, and how well it
+    fits: `cost` is the mean Cauchy cost of the points with a scale of 0.3 px, infinite if the scene
+    would be behind the camera.
+    """
 
     corrections: tuple[Correction, ...]
     cost: float
@@ -56,16 +59,21 @@ class Trial:
 
 
 def is_good(trial: Trial, floor: float) -> bool:
-    """Return True if a trial explains the pictures nearly as well as any motion can, whose cost is
-    `floor`.
+    """Return True if a trial explains the pictures nearly as well as any motion can: its cost is
+    below 1.6 times `floor`, or the points are off the fit by less than 15 % of their motion.
+
+    Args:
+        trial: The fit after some corrections.
+        floor: Cost of the best motion of each pair of pictures, from `floor_of`.
     """
     return trial.cost < GOOD * floor or (np.isfinite(trial.cost) and trial.share < SMALL)
 
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """The corrections that a log and its film need: the best trial, and others that explain the
-    recording as well; `is_good`: nothing more is wrong.
+    """The corrections that a robot's log and its film need: the fit with the best ones (`best`),
+    fits with the same number of other corrections that explain the recording about as well, the
+    likeliest first (`others`), and the fit before any search (`as_it_is`).
     """
 
     best: Trial
@@ -76,23 +84,29 @@ class Diagnosis:
 
     @property
     def is_clean(self) -> bool:
-        """True if no correction explains the recording better than none."""
+        """True if the best fit needs no corrections."""
         return not self.best.corrections
 
     @property
     def is_good(self) -> bool:
-        """True if the best trial explains the pictures nearly as well as any motion can."""
+        """True if the best fit explains the pictures nearly as well as any motion can, so that
+        nothing more is wrong.
+        """
         return is_good(self.best, self.floor)
 
 
 def effect(given: tuple[Correction, ...]) -> tuple[float, Array]:
-    """Return the factor of corrections on a film's times, and the signs (2,) of its x and y."""
+    """Return what corrections change in a film: the factor on its times, and the signs (2,) of x
+    and y in its pictures, 1 or -1.
+    """
     flips = np.prod([[1.0, 1.0], *(each.flips for each in given)], axis=0)
     return float(np.prod([each.stretch for each in given])), flips
 
 
 def corrected(tracks: Tracks, given: tuple[Correction, ...]) -> Tracks:
-    """Return the followed points of a film that is flipped and stretched by corrections."""
+    """Return the followed points of a film after corrections that flip the film or stretch its
+    times, which keeps the time of the first picture.
+    """
     stretch, flips = effect(given)
     return replace(
         tracks,
@@ -103,7 +117,9 @@ def corrected(tracks: Tracks, given: tuple[Correction, ...]) -> Tracks:
 
 
 def floor_of(tracks: Tracks) -> float:
-    """Return the robust cost of the best planar motion of each pair of pictures."""
+    """Return the mean Cauchy cost of the points (scale 0.3 px) if each pair of pictures has the
+    motion of a plane that fits it best. No mount of the camera can have a much lower cost.
+    """
     middle = tracks.before
     x, y = middle[..., 0], middle[..., 1]
     one, none = np.ones_like(x), np.zeros_like(x)
@@ -138,16 +154,18 @@ def diagnose(
     surely: tuple[Correction, ...] = (),
     search: bool = True,
 ) -> Diagnosis:
-    """Return the corrections that a log and its film need.
+    """Return the corrections that a robot's log and the film of its camera need: none, one or two
+    of `corrections`, by which the log fits the film best.
 
     Args:
-        smooth: The log.
-        tracks: The film's points.
-        known: The clock's offset, if it is known [s].
-        along: The lever along the optical axis, if it is trusted and the focal length is not [m].
-        tick: Called after each trial, with a note.
-        surely: Corrections that are known to be needed.
-        search: Try corrections; False: only fit the log as it is.
+        smooth: The smoothed log.
+        tracks: Points that were followed through the film.
+        known: Offset of the film's clock, if it is known [s].
+        along: Distance from the hand's origin to the camera along the optical axis [m], if it is to
+            be kept and the focal length estimated; None: the reverse.
+        tick: Called after each fit, with a note about it.
+        surely: Corrections that are known to be needed, and are part of each fit.
+        search: Whether corrections are tried; False: the log is only fitted as it is.
     """
     steps = tracks.steps
     thin = np.arange(len(steps.first)) % EVERY == 0

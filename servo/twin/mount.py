@@ -51,7 +51,10 @@ FARTHEST = 1e4
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """A camera's mount and the clock's offset, with 95 % intervals."""
+    """The mount of a camera on a robot's hand (its pose in the hand's frame), with the offset of
+    the film's clock, the focal length and the plane of the scene; estimates have 95 % intervals
+    (`halves`).
+    """
 
     offset: float
     """A picture with the stamp t was taken at t + offset on the log's clock [s]."""
@@ -79,20 +82,29 @@ class Mount:
 
     @property
     def lever(self) -> Array:
-        """Position of the camera in the hand's frame (3,) [m]."""
+        """Position of the camera in the frame of the robot's hand (3,) [m]."""
         return self.rotation @ self.arm
 
     @property
     def depth(self) -> float:
-        """Distance of the scene along the optical axis [m]."""
+        """Distance from the camera to the plane of the scene along the optical axis [m], 10 km at
+        most, also for a plane behind the camera.
+        """
         return 1 / max(float(self.plane[2]), 1 / FARTHEST)
 
 
 def start(
     motion: RobotMotion, steps: Tracks, flows: Array, offset: float, along: float = 0.0
 ) -> Mount:
-    """Return a first mount in closed form, from the regression of the affine flows on the hand's
-    twists at an offset [s]; `along` is the lever's part along the optical axis, if it is known [m].
+    """Return a rough mount to begin a fit with, from a linear regression of the pictures' motion on
+    the hand's twists. It has no intervals, and its fit has an infinite cost.
+
+    Args:
+        motion: The hand's motion.
+        steps: Points that were followed between consecutive pictures.
+        flows: Affine flows (p, 6) of these pairs of pictures [1/s], from `affine_flows`.
+        offset: Offset of the film's clock, to be added to the film's times [s].
+        along: Distance from the hand's origin to the camera along the optical axis [m].
     """
     points = (steps.before + steps.after)[steps.known] / 2
     wide, high = 1 + (points**2).mean(axis=0)
@@ -131,15 +143,17 @@ def fitted(
     fixed: tuple[int, ...] = (FOCAL, DRIFT),
     scales: tuple[float, ...] = SCALES,
 ) -> Mount:
-    """Return the mount that fits the followed points best, beginning with a first one.
+    """Return the mount of the camera that fits the followed points best, with 95 % intervals,
+    beginning with a rough one. If no picture is inside the log's time, return the rough one with an
+    infinite cost.
 
     Args:
         motion: The hand's motion.
-        tracks: Points that were followed.
+        tracks: Points that were followed through the film.
         first: The mount to begin with.
-        fixed: Places of the parameters that stay: offset, three of rotation, three of lever, focal,
-            drift.
-        scales: Cauchy scale of each step [px].
+        fixed: Numbers of the parameters that stay: 0 offset, 1 to 3 rotation, 4 to 6 position of
+            the camera (6: along the optical axis), 7 focal length, 8 drift of the clock.
+        scales: Cauchy scale of each step of the fit [px].
     """
     every = max(1, round(tracks.known.sum() / MOST))
     begin = tracks.times[tracks.first] + first.offset

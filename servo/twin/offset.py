@@ -37,8 +37,9 @@ TINY = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """The offset of a film's clock: a picture with the stamp t was taken at t + `value` on the
-    clock of the log.
+    """The offset between the clocks of a film and of a robot's log: a picture with the stamp t was
+    taken at t + `value` [s] on the log's clock. The curve over all offsets shows how well each
+    explains the film.
     """
 
     value: float
@@ -56,7 +57,10 @@ class Offset:
 
 
 def affine_flows(steps: Tracks) -> Array:
-    """Return the affine flow (p, 6) of each pair of pictures [1/s]: u0, u_x, u_y, v0, v_x, v_y."""
+    """Return the affine flow (p, 6) of each pair of pictures [1/s]: u0, u_x, u_y, v0, v_x, v_y. The
+    velocity of a point (x, y), in normalised image coordinates, is then (u0 + u_x x + u_y y, v0 +
+    v_x x + v_y y).
+    """
     intervals = (steps.times[steps.second] - steps.times[steps.first])[:, None, None]
     middle = (steps.before + steps.after) / 2
     flow = (steps.after - steps.before) / intervals
@@ -75,14 +79,29 @@ def affine_flows(steps: Tracks) -> Array:
 
 
 def regressors(motion: RobotMotion, steps: Tracks, offset: float) -> Array:
-    """Return 1 and the hand's mean twist (p, 7) in each pair of pictures, at an offset [s]."""
+    """Return, for each of the p pairs of pictures, 1 and the hand's mean twist between them [m/s,
+    rad/s], in the hand's frame (p, 7).
+
+    Args:
+        motion: The hand's motion.
+        steps: Points that were followed, with the times of the pictures.
+        offset: Offset of the film's clock, to be added to the pictures' times [s].
+    """
     begin = steps.times[steps.first] + offset
     twists = motion.twists(begin, steps.times[steps.second] + offset)
     return np.hstack([np.ones((len(twists), 1)), twists])
 
 
 def found(motion: RobotMotion, steps: Tracks, flows: Array, rng: np.random.Generator) -> Offset:
-    """Return the offset of a film, by the affine flows (p, 6) of its consecutive pictures."""
+    """Return the offset of a film's clock, from -1 to 1 s, with a 95 % interval by a bootstrap over
+    blocks of 2 s.
+
+    Args:
+        motion: The hand's motion.
+        steps: Points that were followed between consecutive pictures.
+        flows: Affine flows (p, 6) of these pairs of pictures [1/s].
+        rng: Generator of the bootstrap's samples.
+    """
     blocks = (steps.times[steps.first] // BLOCK).astype(int)
     blocks -= blocks.min()
     number = int(blocks.max()) + 1
@@ -100,7 +119,13 @@ def found(motion: RobotMotion, steps: Tracks, flows: Array, rng: np.random.Gener
 
 
 def curve_of(motion: RobotMotion, steps: Tracks, flows: Array) -> Offset:
-    """Return the offset of a film without an interval."""
+    """Return the offset of a film's clock, from -1 to 1 s, without an interval (`half` is 0).
+
+    Args:
+        motion: The hand's motion.
+        steps: Points that were followed between consecutive pictures.
+        flows: Affine flows (p, 6) of these pairs of pictures [1/s].
+    """
     one = np.zeros(len(flows), int)
     return _offset(
         _curve(np.stack([_products(motion, steps, flows, x, one, 1)[0] for x in OFFSETS]))
@@ -122,8 +147,14 @@ def _offset(curve: Array) -> Offset:
 def explained(
     motion: RobotMotion, steps: Tracks, flows: Array, offsets: Array
 ) -> tuple[float, float]:
-    """Return the offset (of some offsets (n,) [s]) at which the hand's motion explains the flows
-    best, and the log determinant there.
+    """Return the offset of a film's clock [s] at which the hand's motion explains the flows best,
+    and the least log determinant of the residuals' covariance over the given offsets.
+
+    Args:
+        motion: The hand's motion.
+        steps: Points that were followed between consecutive pictures.
+        flows: Affine flows (p, 6) of these pairs of pictures [1/s].
+        offsets: Even grid of offsets to try (n,) [s]; the result may lie between two of them.
     """
     one = np.zeros(len(flows), int)
     products = np.stack([_products(motion, steps, flows, each, one, 1)[0] for each in offsets])

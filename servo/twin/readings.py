@@ -44,7 +44,9 @@ COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class HandLog:
-    """The motion of a robot's hand as a log has it."""
+    """The motion of a robot's hand that was read from a log, smoothed, and the median interval of
+    the log's rows [s].
+    """
 
     smooth: Smooth
     """Smoothed values on an even grid."""
@@ -60,7 +62,8 @@ def hand_log(path: Path, scenario: str | None) -> HandLog:
         scenario: The scenario whose robot has the log's joints; None: the log has poses or twists.
 
     Raises:
-        Mistake: The log cannot be read, is too short, or has no motion of the hand.
+        Mistake: The log cannot be read, is shorter than 4 s or longer than 600 s, has too few rows,
+            or has no motion of the hand.
     """
     path = path / TABLE if path.is_dir() else path
     table = table_in(path)
@@ -136,11 +139,17 @@ def _columns(names: Sequence[str], scenario: str | None, path: Path) -> tuple[Ki
 
 
 def kinematics(scenario: str, columns: Sequence[str], path: Path) -> Callable[[Array], Array]:
-    """Return the function that makes poses (n, 7) of the hand of joint positions (n, k) in the
-    order of the log's columns.
+    """Return the forward kinematics of a scenario's robot: a function from joint positions (n, k)
+    [m, rad], in the order of the log's columns, to poses (n, 7) of the camera in the world frame,
+    x, y, z [m] and a quaternion x, y, z, w.
+
+    Args:
+        scenario: The scenario.
+        columns: The log's columns of joints, such as "joint_shoulder_rad".
+        path: The log's file, for messages.
 
     Raises:
-        Mistake: The scenario's robot has other joints.
+        Mistake: The scenario cannot be used, or the log lacks a joint of its robot.
     """
     with Episode(load(scenario), seen=False) as episode:
         robot, data = episode.world.robot, episode.world.data
@@ -166,11 +175,16 @@ def kinematics(scenario: str, columns: Sequence[str], path: Path) -> Callable[[A
 
 
 def command_log(path: Path, motion: RobotMotion) -> Log:
-    """Return the log of commands and motion, as `identify` reads it; a log of poses with commanded
-    twists of the hand (command_vx_m_s ...) gets the measured twists of its poses.
+    """Return the log of commands and motion, as `servo.identify` reads it. A log with commanded
+    twists of the hand (columns command_vx_m_s ...) and no measured ones gets measured twists from
+    the hand's motion.
+
+    Args:
+        path: A file .csv, .parquet or .mcap, or a folder of `servobench run`.
+        motion: The motion of the hand.
 
     Raises:
-        Mistake: The log has no commands, or `identify` refuses it.
+        Mistake: The log has no commands, or `servo.identify` refuses it.
     """
     path = path / TABLE if path.is_dir() else path
     table = table_in(path)
@@ -186,8 +200,15 @@ def command_log(path: Path, motion: RobotMotion) -> Log:
 
 
 def is_camera(path: Path, scenario: str | None) -> bool:
-    """Return True if a log states where the camera is: by columns camera_..., or by the joints of a
-    scenario's robot, whose model has a camera.
+    """Return True if a log has the motion of the camera itself: in columns camera_..., or, with a
+    scenario, as positions of the joints of its robot.
+
+    Args:
+        path: A file .csv, .parquet or .mcap, or a folder of `servobench run`.
+        scenario: The scenario whose robot has the log's joints, if any.
+
+    Raises:
+        Mistake: The log cannot be read, or has no motion of the hand or the camera.
     """
     names = table_in(path / TABLE if path.is_dir() else path).column_names
     return _columns(names, scenario, path)[1][0].startswith(("camera_", "joint_"))
@@ -204,7 +225,7 @@ def _check_motion(smooth: Smooth, path: Path) -> None:
 
 @dataclass(slots=True)
 class FilmClock:
-    """The clock of a film's pictures."""
+    """When a film begins, on the clock of a robot's log."""
 
     begins: float
     """Stamp of the first picture, on the log's clock as far as it is known [s]."""
@@ -215,10 +236,18 @@ class FilmClock:
 def film(
     text: str, rate: float, topic: str | None, stamps: Path | None
 ) -> tuple[Source, Iterator[Picture]]:
-    """Return a film, and its pictures with the times of a file of stamps, if there is one.
+    """Return a film as a source, and an iterator over its pictures.
+
+    Args:
+        text: A video, a folder of pictures, or a bag.
+        rate: Frame rate of a folder of pictures [Hz].
+        topic: Image topic of a bag; None: the only one.
+        stamps: CSV with the stamp of each picture in the column time_s [s], which replaces the
+            film's own times; None: there is none.
 
     Raises:
-        Mistake: The film or the stamps cannot be read.
+        Mistake: The film or the stamps cannot be read, or there are more or fewer stamps than
+            pictures.
     """
     with as_mistake():
         source = source_of(text, rate, topic)
@@ -242,8 +271,14 @@ def _stamped(source: Source, times: Array) -> Iterator[Picture]:
 
 
 def clock_of(first: int | None, log: Smooth, begins: float | None) -> FilmClock:
-    """Return the clock of a film by the stamp of its first picture [ns], or by the time of the
-    log at which the user says that it begins [s].
+    """Return when a film begins on the clock of a robot's log: as the user says, or else at the
+    first picture's stamp if this is inside the log's time (or up to 1 s before), or else at the
+    log's begin, which is then not known.
+
+    Args:
+        first: Stamp of the film's first picture [ns]; None: it has none.
+        log: The smoothed log.
+        begins: Time of the first picture on the log's clock, as the user says [s]; None: not said.
     """
     if begins is not None:
         return FilmClock(begins, is_known=True)

@@ -36,7 +36,14 @@ STEP = 0.5
 
 
 def camera_poses(motion: RobotMotion, mount: Mount, times: Array) -> list[Pose]:
-    """Return T_base_camera at some times (n,) of the log [s]."""
+    """Return the poses of the camera in the frame of the robot's base, T_base_camera [m], at given
+    times.
+
+    Args:
+        motion: Motion of the robot's hand in the base's frame.
+        mount: Pose of the camera in the hand.
+        times: The times (n,) on the log's clock [s].
+    """
     turns, places = motion.at(times)
     return [
         Pose(turn @ mount.rotation, place + turn @ mount.lever)
@@ -45,9 +52,14 @@ def camera_poses(motion: RobotMotion, mount: Mount, times: Array) -> list[Pose]:
 
 
 def room_of(poses: list[Pose], plane: Array) -> Pose:
-    """Return T_room_base so that the plane of the scene, n . X = 1 in the camera's frame, is the
-    table's top, and the middle of the pictures is at its middle, on average over poses
-    T_base_camera. A base that stands so already is left where it is.
+    """Return T_room_base [m], the pose of a real robot's base in the simulated room, so that the
+    plane of the scene is the table's top, and the point at the middle of the pictures is at the
+    table's middle, on average over the poses. It is the identity if the plane is level to 3 deg and
+    at the height of the base's origin to 3 cm.
+
+    Args:
+        poses: Poses T_base_camera [m].
+        plane: The scene's plane in the camera's frame, n (3,) with n . X = 1 [1/m].
     """
     turns = np.stack([pose.rotation for pose in poses])
     places = np.stack([pose.translation for pose in poses])
@@ -72,12 +84,14 @@ def write_replay(
     path: Path,
     tick: Callable[[str], None],
 ) -> list[float]:
-    """Write the film of a recording and its simulation, and return the median difference of each
-    pair of pictures [grey levels].
+    """Write a film of a recording: each picture, the simulated one from the same pose, and their
+    difference. Return the median absolute difference of each pair of pictures [grey levels, 0 to
+    255]. Pictures outside of the log's time are left out.
 
     Args:
         pictures: The film's pictures.
-        begins: Time of the first picture on the log's clock, but for the offset [s].
+        begins: Time of the first picture on the log's clock [s], before the estimated offset is
+            added.
         compared: The comparison of log and film.
         camera: The film's camera.
         episode: The simulated scene.
@@ -132,8 +146,12 @@ def _difference(real: Image, drawn: Image) -> Array:
 
 
 def turned_by(believed: Mount, mount: Mount) -> tuple[Array, Array]:
-    """Return the pose of the believed camera in the true one: rotation vector [rad] and position
-    [m].
+    """Return the pose of the stated camera in the frame of the estimated one: rotation vector (3,)
+    [rad] and position (3,) [m].
+
+    Args:
+        believed: The pose of the camera in the hand as the user states it.
+        mount: The pose of the camera in the hand as it was estimated.
     """
     R = mount.rotation.T @ believed.rotation
     return log_so3(R), mount.rotation.T @ (believed.lever - mount.lever)

@@ -20,8 +20,8 @@ LEAST = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class RobotMotion:
-    """Poses of a robot's hand over time: positions (n, 3) [m], and orientations (n, 4) as
-    continuous quaternions x, y, z, w, at the times (n,) [s] of an even grid.
+    """The motion of a robot's hand in the base's frame: positions (n, 3) [m], and orientations (n,
+    4) as quaternions x, y, z, w without jumps of sign, at the times (n,) [s] of a grid of 5 ms.
     """
 
     times: Array
@@ -29,8 +29,9 @@ class RobotMotion:
     turns: Array
 
     def at(self, times: Array) -> tuple[Array, Array]:
-        """Return the rotations (k, 3, 3) and the positions (k, 3) at some times (k,) [s]; outside
-        of the log those at its ends.
+        """Return the orientations, as matrices (k, 3, 3), and the positions (k, 3) [m] of the hand
+        in the base's frame at some times (k,) [s], interpolated; outside of the log those at its
+        ends.
         """
         place = np.clip((times - self.times[0]) / GRID, 0, len(self.times) - 1.001)
         low = place.astype(int)
@@ -40,8 +41,12 @@ class RobotMotion:
         return Rotation.from_quat(found[:, 3:]).as_matrix(), found[:, :3]
 
     def between(self, begin: Array, end: Array) -> tuple[Array, Array]:
-        """Return the motions (k, 3, 3), (k, 3) of the hand, seen from where it was at the times
-        `begin` (k,) [s], until the times `end` (k,) [s]: T_hand-at-begin_hand-at-end.
+        """Return how the hand moved between two times: rotations (k, 3, 3) and translations (k, 3)
+        [m], the pose of the hand at `end` in the frame of the hand at `begin`.
+
+        Args:
+            begin: The earlier times (k,) [s].
+            end: The later times (k,) [s].
         """
         turned, place = self.at(begin)
         turned_later, place_later = self.at(end)
@@ -49,8 +54,12 @@ class RobotMotion:
         return back @ turned_later, np.einsum("kij,kj->ki", back, place_later - place)
 
     def twists(self, begin: Array, end: Array) -> Array:
-        """Return the mean twists (k, 6) of the hand between two times (k,) each, in the frame of
-        the hand in the middle [m/s, rad/s].
+        """Return the mean twists (k, 6) of the hand between two times [m/s, rad/s], linear part
+        first, in the frame of the hand halfway between them.
+
+        Args:
+            begin: The earlier times (k,) [s].
+            end: The later times (k,) [s].
         """
         turned, moved = self.between(begin, end)
         angles = Rotation.from_matrix(turned).as_rotvec()
@@ -60,10 +69,14 @@ class RobotMotion:
 
 
 def smoothed(times: Array, values: Array) -> tuple[Array, Array]:
-    """Return an even grid of times (n,) [s], and the values (n, k) there of local quadratic fits to
-    samples (m, k), with a triangular kernel.
+    """Return an even grid of times (n,) [s], 5 ms apart, and smoothed values (n, k) at these times:
+    local quadratic fits with a triangular kernel, interpolated over gaps.
 
     Interpolation between noisy samples would bias the clock's offset by up to 10 ms.
+
+    Args:
+        times: Times of the samples (m,) in increasing order [s].
+        values: The samples (m, k).
     """
     grid = np.arange(times[0], times[-1], GRID)
     reach = max(REACH, FEWEST * float(np.median(np.diff(times))))
@@ -90,22 +103,30 @@ def smoothed(times: Array, values: Array) -> tuple[Array, Array]:
 
 
 def continuous(turns: Array) -> Array:
-    """Return unit quaternions (n, 4) whose signs are chosen so that each is near the one before."""
+    """Return quaternions (n, 4), scaled to length 1, with signs chosen so that each is near the one
+    before; the sign of the first one stays.
+    """
     signs = np.sign(np.sum(turns[1:] * turns[:-1], axis=1))
     signs = np.append(1.0, np.cumprod(np.where(signs == 0, 1.0, signs)))
     return turns * (signs / np.linalg.norm(turns, axis=1))[:, None]
 
 
 def of_poses(times: Array, poses: Array) -> RobotMotion:
-    """Return the motion through poses (n, 7) on an even grid of times: position [m] and quaternion
-    x, y, z, w.
+    """Return the motion of a hand from its poses.
+
+    Args:
+        times: Even grid of times (n,), 5 ms apart [s].
+        poses: Poses (n, 7) in the base's frame: position x, y, z [m] and quaternion x, y, z, w.
     """
     return RobotMotion(times, poses[:, :3], continuous(poses[:, 3:]))
 
 
 def of_twists(times: Array, twists: Array) -> RobotMotion:
-    """Return the motion that begins at the identity and has twists (n, 6) in the frame of the hand
-    [m/s, rad/s], on an even grid of times.
+    """Return the motion of a hand from its twists; it begins at the identity.
+
+    Args:
+        times: Even grid of times (n,), 5 ms apart [s].
+        twists: Twists (n, 6) in the frame of the hand: vx, vy, vz [m/s], wx, wy, wz [rad/s].
     """
     steps = GRID * (twists + np.roll(twists, 1, axis=0)) / 2
     steps[0] = 0

@@ -21,7 +21,9 @@ ROBOT = "robot/"
 
 
 class SceneCamera:
-    """Draws pictures of the scene of an episode from any pose; call `close` after use."""
+    """Draws pictures of an episode's scene from any pose, without the robot, by a camera `view`
+    without distortion; call `close` after use.
+    """
 
     def __init__(self, episode: Episode, view: Camera) -> None:
         """Take the scene of an episode without its robot, and a camera without distortion."""
@@ -41,8 +43,11 @@ class SceneCamera:
         self._renderer.close()
 
     def picture(self, pose: Pose, time: float) -> Image:
-        """Return the picture RGB (H, W, 3) of the scene at a time of the episode [s], by a camera
-        at T_world_camera.
+        """Return the picture of the scene, RGB, uint8 (H, W, 3).
+
+        Args:
+            pose: Pose of the camera, T_world_camera [m].
+            time: Time of the episode, at which the target is drawn [s].
         """
         target = self._world.target_at(time)
         self._data.mocap_pos[self._target] = target.translation

@@ -1,5 +1,5 @@
-"""The page of a comparison: its table, the curve of the offset, and the motion that the film shows
-beside the one that the log predicts.
+"""The page of a comparison of a robot's log with the film of its camera: a table, the curve of the
+offset, and the motion that the film shows beside the one that the log predicts.
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,9 @@ SHOWN_PICTURES = 4
 
 
 def table(compared: Comparison) -> Table:
-    """Return the table of what is wrong, with what to change."""
+    """Return the table of a comparison of log and film: a row for each finding, whether it is ok,
+    wrong or refused, and what to change.
+    """
     rows: list[list[Cell]] = []
     for each in compared.verdict.findings:
         word = "ok" if each.is_good else "refused" if "refused" in each.found else "wrong"
@@ -49,7 +51,14 @@ def table(compared: Comparison) -> Table:
 
 
 def section(compared: Comparison, folder: Path, made: Made, more: Sequence[Block] = ()) -> Section:
-    """Return the section of an HTML page about a comparison."""
+    """Return the section of an HTML page about a comparison of log and film.
+
+    Args:
+        compared: The comparison.
+        folder: The folder of the page.
+        made: The command line and the versions of the packages.
+        more: Further blocks of the page.
+    """
     verdict = compared.verdict
     tracks = compared.tracks
     seconds = float(tracks.times[-1] - tracks.times[0])
@@ -92,7 +101,9 @@ def section(compared: Comparison, folder: Path, made: Made, more: Sequence[Block
 
 
 def curve(compared: Comparison) -> Drawing:
-    """Draw the log determinant of the residuals over the offset."""
+    """Return a drawing of how badly the log explains the film (log determinant of the residuals'
+    covariance) over the offset of the film's clock [ms], with the best offset and its interval.
+    """
     figure, (ax,) = panels(9.0, 2.6)
     offset = compared.offset
     ax.plot(MM * offset.offsets, offset.curve, color="#2b6cb0")
@@ -104,8 +115,8 @@ def curve(compared: Comparison) -> Drawing:
 
 
 def flows(compared: Comparison) -> Drawing:
-    """Draw the affine flow of the film, and the one that the log's motion explains, for 12 s in the
-    middle.
+    """Return a drawing of four components of the film's affine flow [1/s] over time, beside those
+    that the log's motion explains, for 12 s in the middle of the film.
     """
     steps = compared.tracks.steps
     known = regressors(compared.motion, steps, compared.offset.value)

@@ -41,7 +41,9 @@ CUT = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Tracks:
-    """Points that were followed between pairs of pictures of a film."""
+    """Points that were followed between p pairs of pictures of a film, at most m in each pair:
+    pairs of consecutive pictures, and pairs three pictures apart.
+    """
 
     times: Array
     """Time of each picture (n,) [s]."""
@@ -68,11 +70,16 @@ class Tracks:
 
     @property
     def steps(self) -> "Tracks":
-        """The pairs of consecutive pictures alone."""
+        """A copy with only the pairs of consecutive pictures."""
         return self.only(self.second - self.first == 1)
 
     def only(self, pairs: NDArray[np.bool_], every: int = 1) -> "Tracks":
-        """Return a part of the pairs (p,), with each `every`-th point of them."""
+        """Return a copy with a part of the pairs of pictures and of the points.
+
+        Args:
+            pairs: Flags (p,): True for each pair to keep.
+            every: Each so many-th point of a pair is kept; 1: all.
+        """
         return replace(
             self,
             first=self.first[pairs],
@@ -91,12 +98,13 @@ def follow(
     """Return the points that are followed through a film.
 
     Args:
-        pictures: The pictures, with their times.
-        camera_of: Function that returns the intrinsics of pictures of a width and height [px].
+        pictures: The pictures, with their times; those that cannot be decoded are skipped.
+        camera_of: Function that returns the camera of pictures of a width and height [px].
         tick: Called after each picture, with a note; Ctrl-C in it ends the film there.
 
     Raises:
         ValueError: There are fewer than two pictures that can be decoded.
+        KeyboardInterrupt: Ctrl-C was pressed before 30 pictures were decoded.
     """
     follower = PointFollower()
     try:
@@ -113,7 +121,9 @@ def follow(
 
 
 class PointFollower:
-    """Follows points from picture to picture, and keeps the pairs of pictures in which they are."""
+    """Follows image points from each picture of a film to the next, and keeps the pairs of pictures
+    in which they were found.
+    """
 
     def __init__(self) -> None:
         self.times: list[float] = []
@@ -129,7 +139,13 @@ class PointFollower:
         self._factor = 1.0
 
     def add(self, image: Image, time: float) -> None:
-        """Follow the points into the next picture, RGB (H, W, 3), taken at a time [s]."""
+        """Add the next picture of the film, and follow the points into it; in every third picture
+        new points are chosen.
+
+        Args:
+            image: The picture, RGB, uint8 (H, W, 3).
+            time: When it was taken [s].
+        """
         number = len(self.times)
         self.times.append(time)
         if number % SHOWN == 0:
@@ -160,7 +176,12 @@ class PointFollower:
         self._points = moved
 
     def tracks(self, camera: Camera) -> Tracks:
-        """Return all points, by the intrinsics of the pictures."""
+        """Return all points that were followed, in normalised image coordinates; pairs of pictures
+        with fewer than 30 points are left out.
+
+        Args:
+            camera: The camera that took the pictures.
+        """
         pairs = [pair for pair in self._pairs if len(pair[2]) >= FEW]
         before, after = np.zeros((2, len(pairs), CELLS[0] * CELLS[1] * EACH, 2))
         known = np.zeros(before.shape[:2], bool)
@@ -194,8 +215,11 @@ def _grey(image: Image) -> tuple[Image, float]:
 
 
 def corners(grey: Image) -> NDArray[np.float32]:
-    """Return the best corners (n, 2) of each cell of a picture [px, from the middle of the first
-    pixel], at most three of a cell.
+    """Return the best corners (n, 2) of a picture, (x, y) [px], where (0, 0) is the centre of the
+    first pixel: at most three in each of 8 x 6 cells.
+
+    Args:
+        grey: The picture in grey, uint8 (H, W).
     """
     response = cv2.cornerMinEigenVal(grey, 5, ksize=3)
     peaks = response * (response >= cv2.dilate(response, np.ones((7, 7))))

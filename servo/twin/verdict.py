@@ -1,4 +1,6 @@
-"""What a pre-flight finds, and what it refuses to say: each refusal and doubt by its name."""
+"""What a pre-flight (a comparison of a robot's log with the film of its camera) finds, and what it
+refuses to say because it is too uncertain.
+"""
 
 from dataclasses import dataclass, replace
 from itertools import permutations, product
@@ -51,7 +53,9 @@ MM = 1e3
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A row of the pre-flight's table."""
+    """A row of the table of a pre-flight: what was looked at, what was found, and what to
+    change.
+    """
 
     what: str
     found: str
@@ -62,7 +66,10 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What a pre-flight found; a number that is refused is None, and a finding says why."""
+    """What a pre-flight (a comparison of a robot's log with the film of its camera) found, as rows
+    of a table and numbers. An offset or mount that is refused as too uncertain is None, and a row
+    says why.
+    """
 
     findings: list[Finding]
     doubts: list[str]
@@ -75,13 +82,18 @@ class Verdict:
 
     @property
     def is_good(self) -> bool:
-        """True if nothing is wrong and nothing is refused."""
+        """True if no row says that something is wrong or refused."""
         return all(each.is_good for each in self.findings)
 
 
 def second_axes(moved: RobotMotion, tracks: Tracks) -> tuple[float, float]:
-    """Return the hand's rates of sliding [m/s] and of turning [rad/s] along the second strongest
-    axis, root mean square, while the film runs.
+    """Return how fast the hand slides [m/s] and turns [rad/s] along the second strongest axis of
+    each motion, root mean square, while the film runs. Both are small for a motion along or about
+    one axis only, which does not show the camera's mount.
+
+    Args:
+        moved: Motion of the robot's hand.
+        tracks: Points that were followed, with the times of the film.
     """
     times = np.arange(tracks.times[0], tracks.times[-1], STEP)
     twists = moved.twists(times, times + STEP)
@@ -100,17 +112,19 @@ def judge(
     trusts_focal: bool,
     trusts_along: bool,
 ) -> Verdict:
-    """Return the verdict over an offset, a diagnosis and a fit.
+    """Return the verdict of a pre-flight: what is right, wrong, or too uncertain to be stated.
 
     Args:
-        offset: The offset.
+        offset: Offset of the film's clock.
         diagnosis: The corrections that explain the recording.
-        mount: The fit with them.
-        tracks: The film's points.
-        axes: Rates along the second axis of sliding and of turning.
+        mount: The mount of the camera, fitted with these corrections.
+        tracks: Points that were followed through the film.
+        axes: The hand's sliding [m/s] and turning [rad/s] along its second axis, from
+            `second_axes`.
         believed: The mount that the user states, if any.
-        trusts_focal: True if the focal length is calibrated.
-        trusts_along: True if the lever along the optical axis is known.
+        trusts_focal: Whether the focal length is calibrated.
+        trusts_along: Whether the distance from the hand's origin to the camera along the optical
+            axis is known.
     """
     findings: list[Finding] = []
     doubts = list(_of_film(tracks))
@@ -366,7 +380,7 @@ def _against_believed(
 
 
 def cubes() -> list[Array]:
-    """Return the 24 rotations (3, 3) by right angles."""
+    """Return the 24 rotation matrices (3, 3) that turn by multiples of 90 deg about the axes."""
     found: list[Array] = []
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         matrix = np.diag(signs)[:, list(order)]
@@ -388,7 +402,12 @@ def _named(rotation: Array) -> tuple[float, str]:
 
 
 def believed_mount(numbers: tuple[float, ...]) -> Mount:
-    """Return a mount from x, y, z [m] and roll, pitch, yaw [deg] of the camera in the hand."""
+    """Return the mount that a user states, without intervals.
+
+    Args:
+        numbers: Pose of the camera in the hand: x, y, z [m], then roll, pitch, yaw [deg] about the
+            fixed axes x, y, z.
+    """
     rotation = Rotation.from_euler("xyz", numbers[3:], degrees=True).as_matrix()
     nothing = np.zeros(mounts.COUNT)
     plane = np.array([0.0, 0.0, 1.0])
@@ -397,8 +416,13 @@ def believed_mount(numbers: tuple[float, ...]) -> Mount:
 
 
 def preferred(diagnosis: Diagnosis, believed: Mount | None) -> Diagnosis:
-    """Return a diagnosis in which, of equal explanations, those far from a stated mount are left
-    out.
+    """Return a diagnosis without those equally good explanations whose mount is turned from the
+    stated one by at least 30 deg more than that of the nearest explanation. It is unchanged if no
+    mount is stated, or if there is one explanation only.
+
+    Args:
+        diagnosis: The explanations of a recording, each with its mount.
+        believed: The mount that the user states; None: none.
     """
     if believed is None or not diagnosis.others:
         return diagnosis

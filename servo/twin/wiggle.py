@@ -1,5 +1,6 @@
-"""The motion that a robot should play for a pre-flight: slow swings of all axes at once, each with
-frequencies of its own, from rest to rest.
+"""The motion that a robot should play and record for a pre-flight (a comparison of its log with the
+film of its camera): slow swings of all axes at once, each with frequencies of its own, from rest to
+rest.
 """
 
 import numpy as np
@@ -22,13 +23,14 @@ RAMP = 2.0
 
 
 def swings(units: tuple[str, ...], times: Array, seed: int = 0, size: float = 1.0) -> Array:
-    """Return the positions (n, k) [m, rad] of k axes at some times (n,) [s], zero at both ends.
+    """Return the positions (n, k) [m, rad] of k axes that swing, zero at the first and the last
+    time.
 
     Args:
-        units: Unit of each axis, m or rad.
-        times: The times, in order; the motion fills them.
+        units: Unit of each of the k axes, "m" or "rad".
+        times: The times (n,) in increasing order [s]; the motion fills them.
         seed: Seed of frequencies and phases.
-        size: Factor on all of them.
+        size: Factor on all positions.
     """
     rng = np.random.default_rng(seed)
     ends = np.minimum(times - times[0], times[-1] - times)
@@ -47,8 +49,14 @@ def swings(units: tuple[str, ...], times: Array, seed: int = 0, size: float = 1.
 
 
 def rates(units: tuple[str, ...], seed: int = 0, size: float = 1.0) -> tuple[Array, Array]:
-    """Return times (n,) [s] and the rates (n, k) [m/s, rad/s] of k axes, to be held until the next
-    time; they add up to zero.
+    """Return times (n,) [s], 20 ms apart over 30 s, and the rates (n, k) [m/s, rad/s] of k swinging
+    axes, each to be held until the next time. The rates of each axis add up to zero, so that it
+    ends where it began.
+
+    Args:
+        units: Unit of each of the k axes, "m" or "rad".
+        seed: Seed of frequencies and phases.
+        size: Factor on all rates.
     """
     times = np.arange(round(SECONDS * RATE) + 1) / RATE
     positions = swings(units, times, seed, size)
