@@ -330,7 +330,7 @@ def _of_scale(mount: Mount, *, trusts_along: bool, known: bool) -> list[Finding]
     rows: list[Finding] = []
     if trusts_along:
         half = mount.halves[mounts.FOCAL]
-        off = abs(mount.focal - 1) > max(FOCAL_OFF, half)
+        off = abs(mount.focal - 1) > max(FOCAL_OFF, float(half))
         rows.append(
             Finding(
                 "focal length",

@@ -13,8 +13,6 @@ from mutant_runs import COMPILED, ROOT, Copy, listed
 
 PACKAGES = ("sim", "tracking", "servo")
 LEFT_OUT = {"tests/test_project.py": "lengths and wording of files are no behaviour"}
-READ_ALL = "tests/test_constants.py"
-"""It compares the constants and defaults of every file, without running or importing it by name."""
 BUDGET = 90.0
 """Tests of a mutant that are expected to take longer than this in all [s] are left out: the
 slowest ones. A mutant that survives for that reason counts as not noticed."""
@@ -64,8 +62,8 @@ class Map:
         return {test for tests in self.lines.get(file, {}).values() for test in tests}
 
     def direct(self, file):
-        """The tests in test files that import this file, and those that read all files."""
-        files = {f for f in self.importers.get(file, []) if f.startswith("tests/")} | {READ_ALL}
+        """The tests in test files that import this file."""
+        files = {f for f in self.importers.get(file, []) if f.startswith("tests/")}
         return {test for test in self.seconds if test.split("::")[0] in files}
 
     def users(self, file, seen=()):

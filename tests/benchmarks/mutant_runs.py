@@ -31,7 +31,7 @@ HEAVY = (
     "scipy.stats",
 )
 """Imported once: the imports take longer than most tests."""
-COMPILED = "tracking/loops/"
+COMPILED = ("tracking/loops/", "sim/camera/exact/raster.py")
 """numba compiles these: coverage does not see their lines, and each change compiles anew."""
 
 

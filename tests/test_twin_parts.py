@@ -1,0 +1,528 @@
+"""What a pre-flight makes of a log and a film, part by part: the points of a film, the mistakes of a
+log, the verdict with its limits, and what is drawn.
+"""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from servo.loop.episode import Episode
+from servo.scenario.load import load
+from servo.twin import section
+from servo.twin.compare import Comparison
+from servo.twin.corrections import Correction, Frame, Kind, Smooth, corrections, millimetres, motion
+from servo.twin.corrections import rates as wrong_rates
+from servo.twin.diagnosis import Diagnosis, Trial
+from servo.twin.mount import Mount
+from servo.twin.offset import OFFSETS, Offset
+from servo.twin.replay import camera_poses, room_of, turned_by, write_replay
+from servo.twin.robot_motion import RobotMotion, of_twists
+from servo.twin.scene_camera import SceneCamera
+from servo.twin.tracks import Tracks, corners, follow
+from servo.twin.verdict import Finding, Verdict, believed_mount, judge, preferred, second_axes
+from servo.twin.wiggle import rates, swings
+from sim.types import Camera, Pose
+from tracking.sequences.sources import Picture
+
+CAMERA = Camera(100.0, 100.0, 80.0, 60.0, 160, 120)
+GRID = np.arange(0, 2, 0.005)
+
+
+def wall(size=(200, 260)):
+    noise = np.random.default_rng(1).uniform(0, 255, size).astype(np.float32)
+    smooth = cv2.GaussianBlur(noise, (0, 0), 2)
+    return np.clip(128 + 6 * (smooth - 128), 0, 255).astype(np.uint8)
+
+
+def film(shifts, factor=1, light=1.0):
+    """Pictures 160 x 120 px, or larger by a factor, of a wall that moves by these shifts [px]."""
+    texture = (light * wall()).astype(np.uint8)
+    for k, (x, y) in enumerate(shifts):
+        image = texture[40 - y : 160 - y, 50 - x : 210 - x]
+        image = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)
+        yield Picture(f"{k}", k / 10, np.repeat(image[..., None], 3, axis=2))
+
+
+SHIFTS = [(2 * k, -k) for k in range(5)]
+
+
+def test_points_are_followed_over_one_and_over_three_pictures():
+    notes = []
+    tracks = follow(film(SHIFTS), lambda w, h: CAMERA, notes.append)
+    assert list(zip(tracks.first.tolist(), tracks.second.tolist(), strict=True)) == [
+        (0, 1), (1, 2), (2, 3), (0, 3), (3, 4)
+    ]  # fmt: skip
+    for k, steps in enumerate((1, 1, 1, 3, 1)):
+        moved = (tracks.after[k] - tracks.before[k])[tracks.known[k]] * 100
+        np.testing.assert_allclose(np.median(moved, axis=0), (2 * steps, -steps), atol=0.02)
+    assert len(notes) == 5
+    assert notes[0] == f"{len(corners(wall()[40:160, 50:210]))} points"
+    assert (tracks.size, tracks.focal, tracks.dark, tracks.cuts) == ((160, 120), 100.0, 0.0, [])
+    np.testing.assert_allclose(tracks.times, np.arange(5) / 10)
+    assert len(tracks.middles) == 1
+    assert tracks.steps.second.tolist() == [1, 2, 3, 4]
+    third = tracks.only(tracks.first == 1, 3)
+    np.testing.assert_array_equal(third.before, tracks.before[1:2, ::3])
+    assert tracks.only(tracks.first == 1).known.shape == (1, 144)
+
+
+def test_a_wide_film_is_followed_in_smaller_pictures():
+    tracks = follow(film(SHIFTS[:2], factor=6), lambda w, h: CAMERA, lambda _: None)
+    assert tracks.size == (960, 720)
+    assert tracks.focal == pytest.approx(50)
+    moved = (tracks.after[0] - tracks.before[0])[tracks.known[0]] * 100
+    np.testing.assert_allclose(np.median(moved, axis=0), (12, -6), atol=0.1)
+    places = 100 * tracks.before[0][tracks.known[0]] + (80, 60)
+    assert places.min() > 12
+    assert places.max() < 960
+
+
+def test_a_dark_film_and_a_jump_are_noticed():
+    jump = [(0, 0), (1, 0), (-45, 38), (-44, 38), (-43, 38)]
+    tracks = follow(film(jump, light=0.03), lambda w, h: CAMERA, lambda _: None)
+    assert tracks.dark == 1.0
+    tracks = follow(film(jump), lambda w, h: CAMERA, lambda _: None)
+    assert tracks.cuts == [0.2]
+    assert tracks.second.tolist() == [1, 4]
+
+
+def test_a_film_of_one_picture_is_refused_and_ctrl_c_ends_a_longer_one():
+    with pytest.raises(
+        ValueError, match="^this film has fewer than two pictures that can be decoded$"
+    ):
+        follow(film(SHIFTS[:1]), lambda w, h: CAMERA, lambda _: None)
+    for stop, count in ((29, None), (30, 30)):
+        left = iter(range(1, stop))
+
+        def tick(_, left=left):
+            if next(left, None) is None:
+                raise KeyboardInterrupt
+
+        if count is None:
+            with pytest.raises(KeyboardInterrupt):
+                follow(film([(0, 0)] * 40), lambda w, h: CAMERA, tick)
+        else:
+            assert len(follow(film([(0, 0)] * 40), lambda w, h: CAMERA, tick).times) == count
+
+
+def test_corners_are_at_most_three_of_each_cell_and_not_at_the_edge():
+    grey = np.zeros((120, 160), np.uint8)
+    grey[50:, 70:] = 255
+    [corner] = corners(grey)
+    np.testing.assert_allclose(corner, (70, 50), atol=1)
+    found = corners(wall()[:120, :160])
+    cells, counts = np.unique(found // 20, axis=0, return_counts=True)
+    assert len(cells) == 47  # one at the edge has none
+    assert counts.max() == 3
+    assert found.min() >= 7
+    assert (found.max(axis=0) <= (152, 112)).all()
+
+
+def log(kind, values, names=()):
+    return Smooth(kind, GRID, np.asarray(values, float), names)
+
+
+def named(smooth):
+    return {each.mistake: each for each in corrections(smooth)}
+
+
+POSE = [1, 2, 3, 0.1, 0.2, 0.3, 0.9]
+
+
+@pytest.mark.parametrize(
+    ("mistake", "values", "usual"),
+    [
+        ("the axes of the position are exchanged: its columns x, y, z are y, z, x", [3, 1, 2, 0.1, 0.2, 0.3, 0.9], False),
+        ("the axes of the position are exchanged: its columns x, y, z are x, z, y", [1, 3, 2, 0.1, 0.2, 0.3, 0.9], False),
+        ("the sign of y of the position is wrong", [1, -2, 3, 0.1, 0.2, 0.3, 0.9], True),
+        ("the position has the wrong sign in all axes", [-1, -2, -3, 0.1, 0.2, 0.3, 0.9], False),
+        ("the axes of the quaternion's vector are exchanged: its columns x, y, z are z, y, x", [1, 2, 3, 0.3, 0.2, 0.1, 0.9], False),
+        ("the sign of z of the quaternion's vector is wrong", [1, 2, 3, 0.1, 0.2, -0.3, 0.9], False),
+        ("the quaternion's numbers are in the order w, x, y, z", [1, 2, 3, 0.2, 0.3, 0.9, 0.1], True),
+        ("the quaternion's numbers are in the order y, z, w, x", [1, 2, 3, 0.9, 0.1, 0.2, 0.3], False),
+        ("the axes x and z are exchanged in position and orientation", [3, 2, 1, 0.3, 0.2, 0.1, 0.9], False),
+    ],
+)  # fmt: skip
+def test_a_correction_of_poses_takes_its_mistake_back(mistake, values, usual):
+    found = named(log(Kind.POSES, [POSE]))
+    assert len(found) == 25
+    np.testing.assert_allclose(found[mistake].change(np.array([POSE])), [values])
+    assert found[mistake].is_usual is usual
+
+
+def test_inverse_poses_are_turned_back():
+    R, place = Rotation.from_rotvec([0.1, -0.4, 0.3]), np.array([0.2, 0.5, -0.1])
+    back = np.hstack([-R.inv().apply(place), R.inv().as_quat()])
+    [found] = named(log(Kind.POSES, [POSE]))[
+        "the poses are inverse: of the base in the hand's frame"
+    ].change(back[None])
+    np.testing.assert_allclose(found[:3], place)
+    np.testing.assert_allclose(Rotation.from_quat(found[3:]).as_matrix(), R.as_matrix())
+
+
+@pytest.mark.parametrize(
+    ("mistake", "values", "usual"),
+    [
+        ("the axes of w are exchanged: its columns x, y, z are y, x, z", [1, 2, 3, 5, 4, 6], False),
+        ("the sign of x of v is wrong", [-1, 2, 3, 4, 5, 6], True),
+        ("w has the wrong sign in all axes", [1, 2, 3, -4, -5, -6], False),
+        ("the axes y and z are exchanged in v and w", [1, 3, 2, 4, 6, 5], False),
+        ("w is in degrees", [1, 2, 3, *np.radians([4, 5, 6])], True),
+        ("v and w are exchanged: the angular part comes first", [4, 5, 6, 1, 2, 3], True),
+        ("the twist is that of the base in the hand's frame", [-1, -2, -3, -4, -5, -6], False),
+    ],
+)
+def test_a_correction_of_twists_takes_its_mistake_back(mistake, values, usual):
+    found = named(log(Kind.TWISTS, [range(1, 7)]))
+    assert len(found) == 27
+    np.testing.assert_allclose(found[mistake].change(np.arange(1.0, 7)[None]), [values])
+    assert found[mistake].is_usual is usual
+
+
+def test_corrections_of_joints_change_one_two_or_all_angles():
+    names = ("joint_a_rad", "joint_b_m", "joint_c_rad")
+    found = named(log(Kind.JOINTS, [[1, 2, 3]], names))
+    changed = {
+        name: each.change(np.array([[1.0, 2, 3]]))[0].tolist()
+        for name, each in found.items()
+        if each.change
+    }
+    assert changed == {
+        "the sign of joint_a_rad is wrong": [-1, 2, 3],
+        "the sign of joint_b_m is wrong": [1, -2, 3],
+        "the sign of joint_c_rad is wrong": [1, 2, -3],
+        "joint_a_rad and joint_c_rad are exchanged": [3, 2, 1],
+        "the joints' angles are in degrees": pytest.approx([np.radians(1), 2, np.radians(3)]),
+    }
+    assert found["the film is mirrored"].flips == (-1, 1)
+    assert found["the film is mirrored"].is_usual
+    [mm] = millimetres(log(Kind.JOINTS, [[1, 2, 3]], names)).change(np.array([[1.0, 2000, 3]]))
+    assert mm.tolist() == [1, 2, 3]
+    [mm] = millimetres(log(Kind.POSES, [POSE])).change(np.array([[1000.0, 2000, 3000, 4, 5, 6, 7]]))
+    assert mm.tolist() == [1, 2, 3, 4, 5, 6, 7]
+
+
+def test_films_of_another_rate_are_stretched():
+    found = {each.mistake: each.stretch for each in wrong_rates()}
+    assert len(found) == 7 - 2  # 15 at 30 and 30 at 60 are the same, so are their inverses
+    assert found["the film's times run 0.5 times as fast as the log's"] == 2
+    assert found["the film's times run 1.2 times as fast as the log's"] == pytest.approx(5 / 6)
+
+
+def test_twists_of_other_frames_give_the_same_motion():
+    """The hand turns about z and slides along its own x."""
+    turn, speed = 0.7, 0.1
+    own = np.tile([speed, 0, 0, 0, 0, turn], (len(GRID), 1))
+    angles = turn * GRID
+    ahead = speed * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    base = np.hstack([ahead, own[:, 3:]])
+    wanted = of_twists(GRID, own)
+    for frame in (Frame.BASE, Frame.MIXED):
+        found = motion(log(Kind.TWISTS, base), Correction("", "", frame=frame))
+        np.testing.assert_allclose(found.positions, wanted.positions, atol=1e-3)
+        np.testing.assert_allclose(found.turns, wanted.turns, atol=1e-9)
+    tilted = np.tile([0, 0, 0, 0.5, 0, 0], (len(GRID), 1)) + [0, 0, 0, 0, 0.3, 0]
+    hand = of_twists(GRID, tilted)
+    into = Rotation.from_quat(hand.turns)
+    found = motion(
+        log(Kind.TWISTS, np.hstack([0 * own[:, :3], into.apply(tilted[:, 3:])])),
+        Correction("", "", frame=Frame.BASE),
+    )
+    np.testing.assert_allclose(found.turns[-1], hand.turns[-1], atol=1e-3)
+    doubled = Smooth(
+        Kind.JOINTS,
+        GRID,
+        GRID[:, None],
+        ("joint_a_m",),
+        lambda q: np.hstack([2 * q, 0 * q, 0 * q, 0 * q, 0 * q, 0 * q, 0 * q + 1]),
+    )
+    np.testing.assert_allclose(motion(doubled).positions[:, 0], 2 * GRID)
+
+
+def test_swings_begin_by_seed_0_and_size_1():
+    units, times = ("m", "rad"), np.arange(500) / 50
+    np.testing.assert_array_equal(swings(units, times), swings(units, times, 0, 1.0))
+    np.testing.assert_allclose(swings(units, times, 0, 2.0), 2 * swings(units, times))
+    for one, other in zip(rates(units), rates(units, 0, 1.0), strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_allclose(rates(units, size=3.0)[1], 3 * rates(units)[1])
+    assert not np.allclose(swings(units, times, 1), swings(units, times))
+
+
+def mount(**changes):
+    halves = np.array([1e-3, *[0.01] * 3, *[2e-3] * 3, 0.0, 0.0])
+    plain = Mount(
+        0.05, np.eye(3), np.array([0.02, 0.0, 0.01]), 1.0, 0.0, np.array([0, 0, 2.0]), halves,
+        0.1, 0.2, 0.1, 0.1,
+    )  # fmt: skip
+    return replace(plain, **changes)
+
+
+OFFSET = Offset(0.04, 0.002, 5.0, OFFSETS, OFFSETS**2, at_end=False)
+TRACKS = Tracks(
+    np.arange(10) / 10, np.arange(9), np.arange(1, 10), np.zeros((9, 4, 2)), np.zeros((9, 4, 2)),
+    np.ones((9, 4), bool), 100.0, 0.0, [], (160, 120), [],
+)  # fmt: skip
+STRONG = (0.02, 0.1)
+SIGN = Correction("the sign is wrong", "change the sign")
+
+
+def diagnosed(*given, others=(), cost=0.1, share=1.0):
+    trial = Trial(given, cost, mount(), share)
+    return Diagnosis(trial, list(others), trial, 0.1)
+
+
+def verdict(
+    offset=OFFSET,
+    diagnosis=None,
+    at=None,
+    tracks=TRACKS,
+    axes=STRONG,
+    believed=None,
+    focal=True,
+    along=False,
+):
+    return judge(
+        offset, diagnosis or diagnosed(), at or mount(), tracks, axes, believed,
+        trusts_focal=focal, trusts_along=along,
+    )  # fmt: skip
+
+
+def rows(found):
+    return {each.what: each.found.removeprefix("refused: ") for each in found.findings}
+
+
+def test_a_good_recording_gives_numbers_with_their_intervals():
+    found = verdict()
+    assert found.is_good
+    assert rows(found) == {
+        "log and film": "fit each other as they are",
+        "clock offset": "50.00 ms, +- 1.00: a picture with the stamp t was taken at t + offset on the "
+        "log's clock (middle of its exposure, middle row)",
+        "mount: rotation": "roll 0.00, pitch 0.00, yaw 0.00 deg, +- 0.57",
+        "mount: lever": "x 20.0, y 0.0, z 10.0 mm, +- 2.0",
+        "distance of the scene": "0.500 m",
+    }
+    assert (found.has_rotation, found.has_lever, found.mistakes, found.doubts) == (
+        True,
+        True,
+        [],
+        [],
+    )
+    turned = verdict(
+        at=mount(rotation=Rotation.from_euler("xyz", [10, 20, 30], degrees=True).as_matrix())
+    )
+    assert rows(turned)["mount: rotation"] == "roll 10.00, pitch 20.00, yaw 30.00 deg, +- 0.57"
+
+
+HALVES = mount().halves
+
+
+@pytest.mark.parametrize(
+    ("changes", "row", "sentence"),
+    [
+        ({"offset": replace(OFFSET, depth=2.99)}, "clock offset", "the motion in the film does not show it (depth of the curve 2.99, at least 3 is needed)"),
+        ({"offset": replace(OFFSET, at_end=True)}, "clock offset", "the best one is at the end of the search of 1 s: give the film's begin with --begins"),
+        ({"offset": replace(OFFSET, half=0.0211)}, "clock offset", "it is uncertain by 21 ms (at most 20)"),
+        ({"offset": replace(OFFSET, half=0.0211)}, "mount: rotation", "the clock offset is not known"),
+        ({"offset": replace(OFFSET, half=0.0211)}, "mount: lever", "its rotation is not known"),
+        ({"axes": (0.0049, 0.019)}, "mount: rotation", "the hand moves along or about one axis only"),
+        ({"axes": (0.0049, 0.019)}, "clock offset", "40.00 ms, +- 2.00: a picture with the stamp t was taken at t + offset on the log's clock (middle of its exposure, middle row)"),
+        ({"axes": (0.006, 0.019)}, "mount: lever", "the hand turns at 0.019 rad/s about its second axis (at least 0.02)"),
+        ({"diagnosis": diagnosed(Correction("", "", frame=Frame.BASE))}, "mount: rotation", "twists in the base's frame do not show how the hand is turned in it"),
+        ({"diagnosis": diagnosed(cost=0.17)}, "mount: rotation", "neither the log as it is nor any mistake of the list explains the film"),
+        ({"diagnosis": diagnosed(cost=0.17)}, "log and film", "do not fit each other, and no mistake of the list explains it"),
+        ({"at": mount(scatter=3.1)}, "mount: rotation", "no plane fits the scene (scatter 3.1, at most 3)"),
+        ({"at": mount(plane=np.zeros(3))}, "mount: rotation", "no plane fits the scene (scatter 0.2, at most 3)"),
+        ({"at": mount(halves=HALVES * [1, 1, 3.6, 1, 1, 1, 1, 1, 1])}, "mount: rotation", "it is uncertain by 2.1 deg (at most 2)"),
+        ({"at": mount(halves=HALVES * [1, 1, 1, 1, 1, 1, 16, 1, 1])}, "mount: lever", "it is uncertain by 32 mm (at most 30)"),
+        ({"focal": False}, "mount: lever", "a lever along the optical axis looks as a wrong focal length does: give --calibration, --fov or --along"),
+        ({"diagnosis": diagnosed(SIGN)}, "mistake", "the sign is wrong"),
+        ({"diagnosis": diagnosed(SIGN, others=[Trial((SIGN,), 0.1, mount(rotation=np.diag([1.0, -1, -1])), 1.0)])}, "mistake", "cannot tell (the sign is wrong) from (the sign is wrong)"),
+        ({"diagnosis": diagnosed(SIGN, others=[Trial((SIGN,), 0.1, mount(rotation=np.diag([1.0, -1, -1])), 1.0)])}, "mount: rotation", "it differs between the mistakes that explain the recording"),
+        ({"diagnosis": diagnosed(SIGN, others=[Trial((SIGN, SIGN), 0.1, mount(), 1.0)] * 4)}, "mistake", "cannot tell (the sign is wrong)" + " from (the sign is wrong and the sign is wrong)" * 3 + " and 1 more"),
+        ({"at": mount(drift=2.1e-4)}, "clock drift", "0.21 ms each second, +- 0.00"),
+        ({"at": mount(focal=1.051), "focal": False, "along": True}, "focal length", "1.051 times the given one, +- 0.000"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_or_cannot_be_known_is_a_row(changes, row, sentence):
+    found = verdict(**changes)
+    assert not found.is_good
+    assert rows(found)[row] == sentence
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"offset": replace(OFFSET, depth=3.0, half=0.02)},
+        {"axes": (0.0, 0.02)},
+        {"diagnosis": diagnosed(cost=0.159)},
+        {"diagnosis": diagnosed(cost=0.17, share=0.149)},
+        {"at": mount(scatter=3.0, drift=2e-4)},
+        {"at": mount(halves=HALVES * [1, 3.49, 1, 1, 15, 1, 1, 1, 1])},
+        {"at": mount(drift=-3e-4, halves=HALVES + [0, 0, 0, 0, 0, 0, 0, 0, 3.1e-4])},
+        {"at": mount(focal=1.049), "focal": False, "along": True},
+        {"at": mount(focal=0.9, halves=HALVES + [0, 0, 0, 0, 0, 0, 0, 0.11, 0]), "focal": False, "along": True},
+    ],
+)  # fmt: skip
+def test_what_is_just_inside_a_limit_is_good(changes):
+    found = verdict(**changes)
+    assert found.is_good, found.findings
+
+
+def test_what_is_strange_in_a_film_is_a_doubt():
+    film = replace(TRACKS, dark=0.31, cuts=[1.0, 2.0, 3.0, 4.0, 5.0])
+    assert verdict(tracks=film, at=mount(stray=0.31)).doubts == [
+        "31 % of the pictures are dark: expose longer",
+        "the film is cut, or jumps, 5 times (at 1.00, 2.00, 3.00, 4.00 s on the log's clock)",
+        "31 % of the points do not move with the scene: much of it moves by itself, or is very near",
+    ]
+    assert verdict(tracks=replace(TRACKS, dark=0.3), at=mount(stray=0.3)).doubts == []
+
+
+@pytest.mark.parametrize(
+    ("stated", "sentence"),
+    [
+        ((0.02, 0, 0.01, 0, 0, 0), None),
+        ((0.02, 0, 0.01, 1.5, 0, 0), None),
+        ((0.02, 0, 0.01, 1.7, 0, 0), "the rotation differs by 1.7 deg"),
+        ((0.02, 0, 0.01, 0, 20, 0), "the rotation differs by 20.0 deg"),
+        ((0.02, 0, 0.01, 0, 0, -90), "the camera is mounted turned by 90 deg about its z"),
+        ((0.02, 0, 0.01, 83, 0, 0), "the camera is mounted turned by 90 deg about its -x"),
+        ((0.02, 0, 0.01, 0, 0, 180), "cannot tell (the camera is mounted turned by 180 deg about its z) from (the film is upside down)"),
+        ((0.02, 0.0119, 0.01, 0, 0, 0), None),
+        ((0.02, 0.03, 0.01, 0, 0, 0), "the lever differs by 30 mm"),
+        ((0.02, 0, -0.04, 0, 0, 0), "the lever differs by 50 mm, most along the optical axis: so would a focal length that is wrong by 10 %"),
+    ],
+)  # fmt: skip
+def test_a_stated_mount_is_compared_with_the_found_one(stated, sentence):
+    found = verdict(believed=believed_mount(stated))
+    said = rows(found).get("mount: against --mount")
+    if said is not None and "180" in said:
+        assert sentence.replace(" z)", " -z)") in (said, said.replace(" z)", " -z)"))
+    else:
+        assert said == sentence
+
+
+def test_a_stated_mount_decides_between_equal_explanations():
+    far = Trial(
+        (SIGN,), 0.1, mount(rotation=Rotation.from_euler("x", 40, degrees=True).as_matrix()), 1.0
+    )
+    near = Trial(
+        (SIGN,), 0.1, mount(rotation=Rotation.from_euler("x", 29, degrees=True).as_matrix()), 1.0
+    )
+    first = diagnosed(others=[far, near])
+    assert preferred(first, None) is first
+    assert preferred(first, believed_mount((0.0,) * 6)).others == [near]
+    turned = preferred(first, believed_mount((0, 0, 0, 45.0, 0, 0)))
+    assert (turned.best, turned.others) == (far, [near])
+
+
+def test_the_second_axis_of_a_motion_is_the_second_strongest():
+    twists = np.tile([0.3, 0.0, 0.0, 0.0, 0.0, 0.0], (len(GRID), 1))
+    twists[:, 1] = 0.1 * np.sign(np.sin(2 * np.pi * GRID))
+    film = replace(TRACKS, times=np.array([0.0, 1.0]))
+    slides, turns = second_axes(of_twists(GRID, twists), film)
+    assert slides == pytest.approx(0.1, rel=0.03)
+    assert turns == pytest.approx(0, abs=1e-9)
+
+
+def test_a_camera_is_behind_the_hand_by_its_mount():
+    turn = Rotation.from_euler("z", 90, degrees=True)
+    held = RobotMotion(
+        GRID, np.tile([1.0, 2, 3], (len(GRID), 1)), np.tile(turn.as_quat(), (len(GRID), 1))
+    )
+    at = mount(
+        rotation=Rotation.from_euler("x", 90, degrees=True).as_matrix(), arm=np.array([0, 0, 0.5])
+    )
+    [pose] = camera_poses(held, at, np.array([0.5]))
+    np.testing.assert_allclose(pose.translation, [1.5, 2, 3], atol=1e-9)
+    np.testing.assert_allclose(pose.rotation @ [0, 0, 1], [1, 0, 0], atol=1e-9)
+    vector, place = turned_by(believed_mount((0.1, -0.5, 0.2, 120, 0, 0)), at)
+    np.testing.assert_allclose(vector, np.radians([30, 0, 0]), atol=1e-9)
+    np.testing.assert_allclose(place, [0.1, 0.2, 0], atol=1e-9)
+
+
+def test_the_room_is_put_below_the_camera():
+    eye = Pose(np.diag([1.0, -1, -1]), np.array([0.01, 0.02, 0.5]))
+    still = room_of([eye], np.array([0, 0, 2.0]))
+    np.testing.assert_array_equal(still.rotation, np.eye(3))
+    assert not still.translation.any()
+    tilted = Rotation.from_euler("x", 25, degrees=True).as_matrix()
+    base = Pose(tilted @ eye.rotation, tilted @ eye.translation + (0, 0, 1))
+    room = room_of([base], np.array([0, 0, 2.0]))
+    seen = room @ base
+    np.testing.assert_allclose(seen.translation, [0, 0, 0.5], atol=1e-9)
+    np.testing.assert_allclose(seen.rotation, eye.rotation, atol=1e-9)
+
+
+def compared(**changes):
+    still = RobotMotion(
+        GRID, np.tile([0.0, 0, 0.6], (len(GRID), 1)), np.tile([1.0, 0, 0, 0], (len(GRID), 1))
+    )
+    steps = TRACKS.steps
+    flows = np.zeros((len(steps.first), 6))
+    flows[:, 0] = np.arange(len(flows))
+    at = mount(offset=0.0, arm=np.zeros(3), plane=np.array([0, 0, 1 / 0.6]))
+    return replace(Comparison(TRACKS, still, flows, OFFSET, diagnosed(), at, verdict()), **changes)
+
+
+def test_a_page_shows_the_curve_and_the_flows_of_12_s():
+    [axes] = section.curve(compared()).axes
+    np.testing.assert_allclose(axes.lines[0].get_xdata(), 1e3 * OFFSETS)
+    assert list(axes.lines[1].get_xdata()) == [40, 40]
+    low, high = axes.patches[0].get_x(), axes.patches[0].get_x() + axes.patches[0].get_width()
+    assert (low, high) == pytest.approx((38, 42))
+    drawn = section.flows(compared()).axes
+    assert [ax.get_ylabel() for ax in drawn] == [
+        "to the right [1/s]",
+        "down [1/s]",
+        "wider [1/s]",
+        "sheared back [1/s]",
+    ]
+    np.testing.assert_allclose(drawn[0].lines[0].get_ydata(), np.arange(9))
+    np.testing.assert_allclose(drawn[0].lines[1].get_ydata(), [4] * 9)  # only its mean is explained
+    long = replace(TRACKS, times=np.arange(10) * 2.0)
+    assert len(section.flows(compared(tracks=long)).axes[0].lines[0].get_xdata()) == 5
+
+
+def test_a_table_has_a_word_for_each_finding():
+    findings = [
+        Finding("a", "fits"),
+        Finding("b", "refused: why", "record", is_good=False),
+        Finding("c", "off", "turn", is_good=False),
+    ]
+    table = section.table(
+        SimpleNamespace(verdict=Verdict(findings, [], None, None, False, False, []))
+    )
+    assert [[what, badge.text, *rest] for what, badge, *rest in table.rows] == [
+        ["a", "ok", "fits", ""],
+        ["b", "refused", "why", "record"],
+        ["c", "wrong", "off", "turn"],
+    ]
+
+
+def test_a_replay_of_simulated_pictures_differs_by_nothing(tmp_path):
+    """The film is the replay's own picture: drawn again, it is the same, and 20 levels are 20."""
+    times = [0.5, 1.0, 3.0]
+    notes, drawn = [], []
+    with Episode(load("still"), seen=False) as episode:
+        scene = SceneCamera(episode, CAMERA)
+        eye = Pose(np.diag([1.0, -1, -1]), np.array([0.0, 0, 0.6]))
+        image = scene.picture(eye, 0.5)
+        scene.close()
+        for picture in (image, np.clip(image.astype(int) + 20, 0, 255).astype(np.uint8)):
+            film = [Picture("", time - 0.25, picture) for time in times]
+            drawn.append(
+                write_replay(
+                    film, 0.25, compared(), CAMERA, episode, tmp_path / "a.mp4", notes.append
+                )
+            )
+    assert drawn[0] == pytest.approx([0, 0], abs=0.5)
+    assert drawn[1] == pytest.approx([20, 20], abs=1)
+    assert notes[2:] == ["20.0 levels"] * 2
+    assert (tmp_path / "a.mp4").stat().st_size > 2000
