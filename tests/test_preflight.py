@@ -13,6 +13,7 @@ from servo.cli.main import app
 from servo.scenario.load import load
 from servo.twin.compare import Trust, compare
 from servo.twin.corrections import Kind, Smooth
+from servo.twin.corrections import motion as motion_of
 from servo.twin.robot_motion import REACH, of_twists, smoothed
 from servo.twin.tracks import Tracks
 from servo.twin.verdict import cubes
@@ -40,8 +41,8 @@ def points(film):
     return Tracks(times, first, second, before, after, known, CAMERA.fx, 0.0, [], SIZE, [])
 
 
-def smooth(film, spoil=lambda v: v):
-    times, poses = ROBOT.log(film)
+def smooth(film, spoil=lambda v: v, robot=ROBOT):
+    times, poses = robot.log(film)
     return Smooth(Kind.POSES, *smoothed(times, spoil(poses)), ())
 
 
@@ -78,6 +79,72 @@ def test_a_mirrored_film_and_slides_of_the_other_sign_are_the_same_without_a_mou
     [tie] = [each.found for each in found.verdict.findings if each.what == "mistake"]
     assert tie.startswith("cannot tell (the film is mirrored) from (")
     assert not found.verdict.has_rotation
+
+
+FIXED = Rotation.from_rotvec([0.5, -0.4, 0.8])
+"""How the hand is turned in the base when the log begins."""
+
+
+def in_frames(of_v, of_w, begin=FIXED, seconds=SECONDS):
+    """A log of twists whose parts are in the hand's or the base's frame."""
+    film = Film(3, seconds)
+    quiet = replace(ROBOT, position_noise=0.0, turn_noise=0.0, jitter=0.0)
+    motion = motion_of(smooth(film, robot=quiet))
+    times = motion.times[:-1]
+    turns, _ = motion.at(times)
+    base = begin * Rotation.from_matrix(turns[0].T @ turns)
+    parts = np.split(motion.twists(times, motion.times[1:]), 2, axis=1)
+    values = np.hstack(
+        [base.apply(x) if of == "base" else x for of, x in zip((of_v, of_w), parts, strict=True)]
+    )
+    return compare(
+        Smooth(Kind.TWISTS, times, values, ()), points(film), Trust(focal=True), lambda _: None
+    )
+
+
+@pytest.mark.parametrize(("of_v", "of_w"), [("base", "hand"), ("hand", "base")])
+def test_parts_of_a_twist_in_two_frames_are_named_and_no_mount_is_claimed(of_v, of_w):
+    verdict = in_frames(of_v, of_w).verdict
+    [mistake] = [each.found for each in verdict.findings if each.what == "mistake"]
+    assert f"v is in the {of_v}'s frame, and w in the {of_w}'s" in mistake
+    assert verdict.offset is not None
+    assert not verdict.has_rotation
+
+
+@pytest.mark.wide
+def test_a_small_turn_between_the_frames_of_a_twist_is_no_mount_either():
+    verdict = in_frames("base", "hand", Rotation.from_rotvec([0.15, 0, 0]), 24.0).verdict
+    [mistake] = [each.found for each in verdict.findings if each.what == "mistake"]
+    assert mistake.startswith("the hand's slides are turned against its turns by ")
+    assert not verdict.has_rotation
+
+
+@pytest.mark.wide
+def test_twists_in_one_frame_are_clean_or_named_as_the_base_s():
+    assert in_frames("hand", "hand").verdict.is_good
+    assert in_frames("base", "base").verdict.mistakes == ["v and w are in the base's frame"]
+
+
+@pytest.mark.wide
+@pytest.mark.parametrize("angle", [0.2, 1.0])
+def test_a_position_in_a_frame_of_its_own_is_no_mount(angle):
+    def turned(poses):
+        return np.hstack([Rotation.from_rotvec([0, angle, 0]).apply(poses[:, :3]), poses[:, 3:]])
+
+    verdict = compared(Film(3, 24.0), turned).verdict
+    assert len(verdict.mistakes) == 1
+    assert not verdict.has_rotation
+
+
+@pytest.mark.wide
+def test_a_position_that_alone_is_inverse_is_named():
+    def inverse(poses):
+        place = -Rotation.from_quat(poses[:, 3:]).inv().apply(poses[:, :3])
+        return np.hstack([place, poses[:, 3:]])
+
+    assert compared(Film(3, SECONDS), inverse).verdict.mistakes == [
+        "the position is that of the base in the hand's frame, the orientation is not inverse"
+    ]
 
 
 @pytest.mark.wide

@@ -148,7 +148,9 @@ class Recorded:
         for found in read_all(self.folder, RATE, self.truth_format):
             if found.name == self.name:
                 return found
-        raise ValueError(f"{self.folder}: the sequence '{self.name}' is no longer there: restore it")
+        raise ValueError(
+            f"{self.folder}: the sequence '{self.name}' is no longer there: restore it"
+        )
 
 
 Entry = Generated | Recorded

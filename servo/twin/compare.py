@@ -22,6 +22,8 @@ ROUGH = 0.04
 """Interval of the offsets of a search over the whole log [s]."""
 OVERLAP = 0.6
 """Least share of the film that a log must contain."""
+LAST = 0.5, 0.3, 0.3
+"""Cauchy scale of each step of the fit with a turn [px]."""
 THIRDS = 3
 """Parts of a film whose offsets show a drift."""
 
@@ -88,12 +90,14 @@ def compare(
         flows = offsets.affine_flows(film.steps)
         offset = offsets.found(moved, film.steps, flows, rng)
     first = replace(diagnosis.best.mount, drift=_drift(moved, film))
-    fixed = (mounts.FOCAL,) if along is None else (mounts.LEVER_ALONG,)
-    mount = mounts.fitted(moved, film, first, fixed)
+    fixed = mounts.FOCAL if along is None else mounts.LEVER_ALONG
+    mount = mounts.fitted(moved, film, first, (fixed, *mounts.TURN))
+    turned = mounts.fitted(moved, film, mount, (fixed,), LAST)
     verdict = judge(
         offset,
         diagnosis,
         mount,
+        turned,
         film,
         axes,
         trust.believed,

@@ -3,9 +3,9 @@ takes it back.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
-from itertools import permutations
+from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,11 +30,10 @@ class Kind(Enum):
 
 
 class Frame(Enum):
-    """Frame in which the twists of the robot's hand are given in a log."""
+    """The frame in which a part of a twist is given."""
 
     HAND = "hand"
     BASE = "base"
-    MIXED = "v in the base's frame, w in the hand's"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +56,8 @@ class Smooth:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """A mistake that a robot's log or the film of its camera may have, with what takes it back: a
-    change of the log's values, another frame of its twists, flips of the film, or a factor on the
-    film's times.
+    """What takes a mistake back: a change of the log's values, the frames of its twists, a turn of
+    their linear part, or flips of the film.
     """
 
     mistake: str
@@ -67,7 +65,11 @@ class Correction:
     remedy: str
     """What to change, as an order."""
     change: Callable[[Array], Array] | None = None
-    frame: Frame | None = None
+    frames: tuple[Frame, Frame] | None = None
+    """Frames of v and of w, in a log of twists."""
+    turn: Array | None = None
+    """Rotation (3, 3) of the frame of w, or of the orientation, in that of v, or of the position;
+    the identity until it is found."""
     flips: tuple[float, float] = (1.0, 1.0)
     """Signs of x and y in the film."""
     stretch: float = 1.0
@@ -93,29 +95,33 @@ def motion(smooth: Smooth, *corrections: Correction) -> RobotMotion:
     values and of the frame of its twists. Flips and stretches of the film have no effect here.
     """
     values = smooth.values
-    frame = Frame.HAND
+    frames = Frame.HAND, Frame.HAND
+    turn = np.eye(3)
     for each in corrections:
         values = values if each.change is None else each.change(values)
-        frame = each.frame or frame
-    if smooth.kind is Kind.TWISTS:
-        return of_twists(smooth.times, _in_hand(smooth.times, values, frame))
+        frames = each.frames or frames
+        turn = turn if each.turn is None else each.turn
     if smooth.poses_of is not None:
         values = smooth.poses_of(values)
+    values = np.hstack([values[:, :3] @ turn, values[:, 3:]])
+    if smooth.kind is Kind.TWISTS:
+        return of_twists(smooth.times, _in_hand(smooth.times, values, *frames))
     return of_poses(smooth.times, values)
 
 
-def _in_hand(times: Array, twists: Array, frame: Frame) -> Array:
-    """Return twists (n, 6) in the hand's frame, which begins along the base's."""
-    if frame is Frame.HAND:
+def _in_hand(times: Array, twists: Array, of_v: Frame, of_w: Frame) -> Array:
+    """Return twists (n, 6) in the hand's frame, which begins along the base's, from v and w in
+    frames of their own.
+    """
+    if Frame.BASE not in (of_v, of_w):
         return twists
-    if frame is Frame.BASE:
-        # w in the base's frame turns from the left: the inverse turns by -w from the right.
-        back = of_twists(times, np.hstack([np.zeros_like(twists[:, :3]), -twists[:, 3:]]))
-        into = Rotation.from_quat(back.turns)
-        return np.hstack([into.apply(twists[:, :3]), into.apply(twists[:, 3:])])
-    there = of_twists(times, np.hstack([np.zeros_like(twists[:, :3]), twists[:, 3:]]))
-    into = Rotation.from_quat(there.turns).inv()
-    return np.hstack([into.apply(twists[:, :3]), twists[:, 3:]])
+    # w in the base's frame turns from the left: the inverse turns by -w from the right.
+    sign = -1 if of_w is Frame.BASE else 1
+    turned = of_twists(times, np.hstack([np.zeros_like(twists[:, :3]), sign * twists[:, 3:]]))
+    there = Rotation.from_quat(turned.turns)
+    into = there if of_w is Frame.BASE else there.inv()
+    parts = zip((of_v, of_w), (twists[:, :3], twists[:, 3:]), strict=True)
+    return np.hstack([into.apply(x) if frame is Frame.BASE else x for frame, x in parts])
 
 
 def corrections(smooth: Smooth) -> list[Correction]:
@@ -217,6 +223,11 @@ def _of_poses(_: tuple[str, ...]) -> Iterator[Correction]:
         _inverse,
         is_usual=True,
     )
+    yield Correction(
+        "the position is that of the base in the hand's frame, the orientation is not inverse",
+        "log the position of the hand in the base's frame",
+        _inverse_position,
+    )
     for one, other in ((0, 1), (0, 2), (1, 2)):
         order = np.arange(3)
         order[[one, other]] = other, one
@@ -225,6 +236,11 @@ def _of_poses(_: tuple[str, ...]) -> Iterator[Correction]:
             f"exchange {AXES[one]} and {AXES[other]} of the position and of the quaternion",
             _ordered(np.array([*order, *(3 + order), 6])),
         )
+
+
+def _inverse_position(values: Array) -> Array:
+    place = -Rotation.from_quat(values[:, 3:]).apply(values[:, :3])
+    return np.hstack([place, values[:, 3:]])
 
 
 def _inverse(values: Array) -> Array:
@@ -260,18 +276,46 @@ def _of_twists(_: tuple[str, ...]) -> Iterator[Correction]:
     yield Correction(
         "v and w are in the base's frame",
         "turn v and w into the hand's frame, by the hand's orientation",
-        frame=Frame.BASE,
+        frames=(Frame.BASE, Frame.BASE),
         is_usual=True,
-    )
-    yield Correction(
-        "v is in the base's frame, and w in the hand's",
-        "turn v into the hand's frame, by the hand's orientation",
-        frame=Frame.MIXED,
     )
     yield Correction(
         "the twist is that of the base in the hand's frame",
         "log the twist of the hand: the present one with the other sign",
         _scaled(np.arange(6), -1.0),
+    )
+
+
+def mixed(smooth: Smooth) -> Iterator[Correction]:
+    """Yield the corrections of logs whose linear and angular parts are in two frames, which are
+    turned against each other by an angle that has to be found.
+    """
+    if smooth.kind is Kind.POSES:
+        yield Correction(
+            "position and orientation are in two frames that are turned against each other",
+            "log both in the base's frame",
+            turn=np.eye(3),
+        )
+    if smooth.kind is not Kind.TWISTS:
+        return
+    for of_v, of_w in product(Frame, Frame):
+        found = f"v is in the {of_v.value}'s frame, and w in the {of_w.value}'s"
+        if of_v is of_w:
+            which = "move with the hand" if of_v is Frame.HAND else "are fixed"
+            found = f"v and w are in two frames that {which}, and are turned against each other"
+        yield Correction(
+            found,
+            "log v and w in the hand's frame: turn what is in another one, by the hand's "
+            "orientation in it",
+            frames=(of_v, of_w),
+            turn=np.eye(3),
+        )
+
+
+def turned(given: tuple[Correction, ...], turn: Array) -> tuple[Correction, ...]:
+    """Return corrections whose turns to be found are followed by a rotation (3, 3)."""
+    return tuple(
+        each if each.turn is None else replace(each, turn=each.turn @ turn) for each in given
     )
 
 

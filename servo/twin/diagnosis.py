@@ -10,7 +10,15 @@ import numpy as np
 
 from servo.twin import mount as mounts
 from servo.twin import offset as offsets
-from servo.twin.corrections import Correction, Smooth, corrections, millimetres, motion
+from servo.twin.corrections import (
+    Correction,
+    Smooth,
+    corrections,
+    millimetres,
+    mixed,
+    motion,
+    turned,
+)
 from servo.twin.mount import Mount
 from servo.twin.tracks import Tracks
 from sim.types import Array
@@ -40,6 +48,8 @@ NEAR = 0.15
 TINY = 1e-9
 FARTHEST = 60.0
 """Largest plausible distance of a scene [m]."""
+ROUNDS = 3
+"""Steps in which the turn between two frames of a log is found."""
 SINGLES = 4
 """Best single corrections that are tried with each other one, as usual ones are with usual ones."""
 
@@ -188,6 +198,8 @@ def diagnose(
     singles = sorted((tried(each) for each in candidates), key=lambda trial: trial.cost)
     trials = [as_it_is, *singles]
     if not any(is_good(trial, floor) for trial in trials):
+        trials += [tried(each) for each in mixed(smooth)]
+    if not any(is_good(trial, floor) for trial in trials):
         best = [trial.corrections[0] for trial in singles[:SINGLES] if trial.corrections]
         pairs = {
             frozenset((id(one), id(other))): (one, other)
@@ -256,10 +268,13 @@ def _trial(
     middle = 0.0 if known is None or stretch != 1 else known
     grid = middle + np.arange(-reach, reach + COARSE / 2, COARSE)
     best, _ = offsets.explained(moved, whole, changed, grid)
+    fixed = (mounts.FOCAL if along is None else mounts.LEVER_ALONG, mounts.DRIFT, *mounts.TURN)
+    if any(each.turn is not None for each in given):
+        fixed = fixed[:2]
+        for _ in range(ROUNDS):
+            given = turned(given, mounts.turn_of(moved, whole, changed, best))
+            moved = motion(smooth, *given)
     first = mounts.start(moved, whole, changed, best, along or 0.0)
-    fixed = (mounts.FOCAL, mounts.DRIFT)
-    if along is not None:
-        fixed = (mounts.LEVER_ALONG, mounts.DRIFT)
     found = mounts.fitted(moved, film, first, fixed, scales)
     # A scene behind the camera explains slides of the other sign.
     cost = found.cost if found.plane[2] > 0 else np.inf

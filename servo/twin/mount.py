@@ -9,7 +9,7 @@ step (variable projection), and the rest by Gauss and Newton's method with Cauch
 are those of the sandwich estimate over blocks of 1 s.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,21 +29,22 @@ LAST = 0.3
 """Cauchy scale of the cost [px]."""
 FREE_PLANE = 0.02
 """Standard deviation of a pair's own plane from the common one, over that of a residual of 1 px."""
-WEAKLY = np.array([0.2, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.2, 0.01])
-"""Standard deviation of a weak prior of offset [s], rotation [rad], lever [m], log focal length and
-drift, so that a direction that no motion shows stays where it is."""
-FLOORS = np.array([3e-4, *3 * [np.radians(0.15)], *3 * [3e-3], 5e-3, 2e-5])
+WEAKLY = np.array([0.2, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.2, 0.01, 1.0, 1.0, 1.0])
+"""Standard deviation of a weak prior of offset [s], rotation [rad], lever [m], log focal length,
+drift and turn [rad], so that a direction that no motion shows stays where it is."""
+FLOORS = np.array([3e-4, *3 * [np.radians(0.15)], *3 * [3e-3], 5e-3, 2e-5, *3 * [np.radians(0.15)]])
 """Added to half of each interval: errors of the method that no recording shows."""
-SMALL = 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-6
+SMALL = 1e-5, *7 * [1e-4], 1e-6, *3 * [1e-4]
 """Steps of the numeric derivatives."""
 MOST = 250_000
 """Largest number of points of a fit; of more, each k-th is taken."""
 LEVER_ALONG = 6
 FOCAL = 7
 DRIFT = 8
-"""Places of the lever along the optical axis, of the focal length and of the drift among the
-parameters."""
-COUNT = 9
+TURN = 9, 10, 11
+"""Places of the lever along the optical axis, of the focal length, of the drift and of the turn
+among the parameters."""
+COUNT = 12
 """Number of parameters."""
 FARTHEST = 1e4
 """Largest depth that a plane is given [m]."""
@@ -69,8 +70,8 @@ class Mount:
     plane: Array
     """n (3,) of the common plane n . X = 1 in the camera's frame [1/m]."""
     halves: Array
-    """Half intervals (9,): offset [s], rotation [rad] and lever [m] along the camera's axes, log
-    focal length, drift [s/s]."""
+    """Half intervals (12,): offset [s], rotation [rad] and lever [m] along the camera's axes, log
+    focal length, drift [s/s], turn [rad]."""
     cost: float
     """Mean of the Cauchy cost over the points, with a scale of 0.3 px."""
     scatter: float
@@ -79,6 +80,9 @@ class Mount:
     """Median distance of the points from where the fit has them [px]."""
     stray: float
     """Share of the points that are farther off than 2 px or five medians: on things that move."""
+    turn: Array = field(default_factory=lambda: np.eye(3))
+    """Rotation (3, 3) of the frame of the hand's orientation in that of its position; the identity
+    in a log that is right."""
 
     @property
     def lever(self) -> Array:
@@ -91,6 +95,21 @@ class Mount:
         most, also for a plane behind the camera.
         """
         return 1 / max(float(self.plane[2]), 1 / FARTHEST)
+
+
+def turn_of(motion: RobotMotion, steps: Tracks, flows: Array, offset: float) -> Array:
+    """Return the rotation (3, 3) of the frame of the hand's angular part in that of its linear
+    part, in closed form, from the regression of the affine flows on the hand's twists at an offset
+    [s]; the identity if the motion does not show it.
+    """
+    of_slides, of_turns, _ = _regression(motion, steps, flows, offset)
+    return _rotation(of_slides.T @ of_turns)
+
+
+def _rotation(matrix: Array) -> Array:
+    """Return the rotation (3, 3) that is nearest to a matrix (3, 3)."""
+    U, _, Vt = np.linalg.svd(matrix)
+    return np.asarray(U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt, np.float64)
 
 
 def start(
@@ -106,6 +125,26 @@ def start(
         offset: Offset of the film's clock, to be added to the film's times [s].
         along: Distance from the hand's origin to the camera along the optical axis [m].
     """
+    of_slides, of_turns, spread = _regression(motion, steps, flows, offset)
+    density = float(np.cbrt(np.linalg.det(of_slides)))
+    # Where the hand hardly slides, or turns, the other part alone decides.
+    share = np.linalg.norm(spread[:3]) > 0.1 * np.linalg.norm(spread[3:])
+    slide_part = of_slides / density if share and abs(density) > 1e-6 else np.zeros((3, 3))
+    turn_part = of_turns if np.linalg.norm(spread[3:]) > 1e-3 else np.zeros((3, 3))
+    back = _rotation(slide_part + turn_part)
+    size = float(np.linalg.norm(of_slides) / np.sqrt(3))
+    n0 = np.array([0.0, 0.0, np.clip(size, 1 / FARTHEST, 1e3)])
+    nothing = np.zeros(COUNT)
+    arm = np.array([0.0, 0.0, along])
+    return Mount(offset, back.T, arm, 1.0, 0.0, n0, nothing, np.inf, np.inf, np.inf, 0.0)
+
+
+def _regression(
+    motion: RobotMotion, steps: Tracks, flows: Array, offset: float
+) -> tuple[Array, Array, Array]:
+    """Return the matrices (3, 3) by which the hand's slides, and its turns, move the picture, from
+    the robust regression of the affine flows on its twists, and the twists' spread (6,).
+    """
     points = (steps.before + steps.after)[steps.known] / 2
     wide, high = 1 + (points**2).mean(axis=0)
     u0, u_x, u_y, v0, v_x, v_y = flows.T
@@ -117,30 +156,18 @@ def start(
     both = np.hstack([slides, turns])
     for _ in range(3):
         rows = known * weights[:, None]
-        fit = np.linalg.lstsq(rows, both * weights[:, None], rcond=1e-9)[0]
+        found = np.linalg.lstsq(rows, both * weights[:, None], rcond=1e-9)[0]
+        fit = np.asarray(found, np.float64)
         away = np.linalg.norm(both - known @ fit, axis=1)
         weights = 1 / (1 + away / max(float(np.median(away)), 1e-9))
-    of_slides, of_turns = fit[1:4, :3].T, fit[4:, 3:].T
-    spread = known[:, 1:].std(axis=0)
-    density = float(np.cbrt(np.linalg.det(of_slides)))
-    # Where the hand hardly slides, or turns, the other part alone decides.
-    share = np.linalg.norm(spread[:3]) > 0.1 * np.linalg.norm(spread[3:])
-    slide_part = of_slides / density if share and abs(density) > 1e-6 else np.zeros((3, 3))
-    turn_part = of_turns if np.linalg.norm(spread[3:]) > 1e-3 else np.zeros((3, 3))
-    U, _, Vt = np.linalg.svd(slide_part + turn_part)
-    back = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
-    size = float(np.linalg.norm(of_slides) / np.sqrt(3))
-    n0 = np.array([0.0, 0.0, np.clip(size, 1 / FARTHEST, 1e3)])
-    nothing = np.zeros(COUNT)
-    arm = np.array([0.0, 0.0, along])
-    return Mount(offset, back.T, arm, 1.0, 0.0, n0, nothing, np.inf, np.inf, np.inf, 0.0)
+    return fit[1:4, :3].T, fit[4:, 3:].T, known[:, 1:].std(axis=0)
 
 
 def fitted(
     motion: RobotMotion,
     tracks: Tracks,
     first: Mount,
-    fixed: tuple[int, ...] = (FOCAL, DRIFT),
+    fixed: tuple[int, ...] = (FOCAL, DRIFT, *TURN),
     scales: tuple[float, ...] = SCALES,
 ) -> Mount:
     """Return the mount of the camera that fits the followed points best, with 95 % intervals,
@@ -152,7 +179,8 @@ def fitted(
         tracks: Points that were followed through the film.
         first: The mount to begin with.
         fixed: Numbers of the parameters that stay: 0 offset, 1 to 3 rotation, 4 to 6 position of
-            the camera (6: along the optical axis), 7 focal length, 8 drift of the clock.
+            the camera (6: along the optical axis), 7 focal length, 8 drift of the clock, 9 to 11
+            turn between the linear and the angular part of the twists.
         scales: Cauchy scale of each step of the fit [px].
     """
     every = max(1, round(tracks.known.sum() / MOST))
@@ -181,6 +209,7 @@ def _moved(mount: Mount, step: Array, free: NDArray[np.int64]) -> Mount:
         arm=mount.arm + whole[4:7],
         focal=mount.focal * float(np.exp(whole[FOCAL])),
         drift=mount.drift + whole[DRIFT],
+        turn=mount.turn @ exp_so3(whole[list(TURN)]),
         plane=mount.plane + step[-3:],
     )
 
@@ -191,6 +220,7 @@ def _rays(motion: RobotMotion, tracks: Tracks, mount: Mount) -> tuple[Array, Arr
     """
     middle = (tracks.times[0] + tracks.times[-1]) / 2
     times = tracks.times + mount.offset + mount.drift * (tracks.times - middle)
+    motion = replace(motion, positions=motion.positions @ mount.turn)
     turned, moved = motion.between(times[tracks.first], times[tracks.second])
     R = mount.rotation
     r = mount.lever

@@ -41,6 +41,12 @@ FOCAL_OFF = 0.05
 """Least error of the focal length that is reported."""
 TURNED = np.radians(8.0)
 """Largest distance of a mount from a turn by right angles that is named as such [rad]."""
+APART = np.radians(2.0)
+"""Least turn between the linear and the angular part of a log that is reported [rad]."""
+MIXED = (
+    "log v and w in the hand's frame, or position and orientation in the base's; check the zeros "
+    "of the joints"
+)
 ALIKE = np.radians(1.0)
 CLOSE = 0.01
 """Added to the intervals within which a stated mount counts as right [rad, m]."""
@@ -105,6 +111,7 @@ def judge(
     offset: Offset,
     diagnosis: Diagnosis,
     mount: Mount,
+    turned: Mount,
     tracks: Tracks,
     axes: tuple[float, float],
     believed: Mount | None,
@@ -118,6 +125,7 @@ def judge(
         offset: Offset of the film's clock.
         diagnosis: The corrections that explain the recording.
         mount: The mount of the camera, fitted with these corrections.
+        turned: The same fit with a turn between the linear and the angular part of the twists.
         tracks: Points that were followed through the film.
         axes: The hand's sliding [m/s] and turning [rad/s] along its second axis, from
             `second_axes`.
@@ -136,7 +144,12 @@ def judge(
     if not why_no_offset and max(axes[0] / SLIDES, axes[1] / TURNS) >= 1:
         findings += _of_diagnosis(diagnosis)
     no_offset = "the clock offset is not known" if why_no_offset else ""
-    why = no_offset or _no_mount(diagnosis, mount, axes, tied)
+    is_turned = any(each.turn is not None for each in diagnosis.best.corrections)
+    mixed = "" if is_turned or why_no_offset else _mixed(turned)
+    if mixed:
+        mistakes.append(mixed)
+        findings.append(Finding("mistake", mixed, MIXED, is_good=False))
+    why = no_offset or mixed or _no_mount(diagnosis, mount, axes, tied)
     why_no_lever = (
         "its rotation is not known" if why else _no_lever(mount, axes, trusts_focal or trusts_along)
     )
@@ -216,8 +229,11 @@ def _no_mount(diagnosis: Diagnosis, mount: Mount, axes: tuple[float, float], tie
             "it differs between the mistakes that explain the recording",
         ),
         (
-            any(each.frame is not None for each in diagnosis.best.corrections),
-            "twists in the base's frame do not show how the hand is turned in it",
+            any(
+                each.frames is not None or each.turn is not None
+                for each in diagnosis.best.corrections
+            ),
+            "motion in another frame does not show how the hand is turned in it",
         ),
         (
             not diagnosis.is_good,
@@ -234,6 +250,20 @@ def _no_mount(diagnosis: Diagnosis, mount: Mount, axes: tuple[float, float], tie
         ),
     )
     return next((sentence for applies, sentence in cases if applies), "")
+
+
+def _mixed(turned: Mount) -> str:
+    """Return that the linear and the angular part of a log are in two frames, or an empty text if
+    the turn between them is not clear.
+    """
+    angle = angle_of(turned.turn)
+    half = float(turned.halves[list(mounts.TURN)].max())
+    if angle < max(APART, 2 * half):
+        return ""
+    return (
+        f"the hand's slides are turned against its turns by {np.degrees(angle):.1f} deg, "
+        f"+- {np.degrees(half):.1f}"
+    )
 
 
 def _no_lever(mount: Mount, axes: tuple[float, float], known: bool) -> str:
