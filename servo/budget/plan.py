@@ -115,11 +115,12 @@ class Plan:
         return (SOURCES[0], source) if source.seen else (source,)
 
     def reason(self, source: Source, idle: Callable[[Scenario], list[str]]) -> str:
-        """Return why the scenario cannot have a source of error; "" if it can.
+        """Return why a scenario cannot have a source of error (such as a wrong focal length), as a
+        sentence; "" if it can.
 
         Args:
             source: The source.
-            idle: Function that takes the scenario in which this source acts, and returns a sentence
+            idle: Function that takes the scenario in which the source acts, and returns a sentence
                 for each setting without effect, which begins with the setting's dotted key and a
                 space.
         """
