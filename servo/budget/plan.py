@@ -1,4 +1,6 @@
-"""The runs of an accuracy budget, and the contributions that follow from them."""
+"""The runs of an accuracy budget (a scenario with each source of error alone, and with all
+together), and the contribution of each source to the error at the end.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
