@@ -1,5 +1,5 @@
-"""A context manager that calls several functions, such as those that close files, after a block.
-The first exception is raised, so that a later one does not hide it.
+"""A context manager that calls several functions, such as those that close files, when its block
+has ended. The first exception is raised, so that a later one does not hide it.
 """
 
 from collections.abc import Callable, Generator

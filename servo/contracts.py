@@ -48,7 +48,7 @@ def require(holds: object, sentence: str, *values: object) -> None:
     Args:
         holds: The condition; any object is taken as true or false.
         sentence: What is wrong and what would be right, with {} in place of each value.
-        values: Values to insert; they are formatted only on failure, as formatting arrays is slow.
+        *values: Values to insert; they are formatted only on failure, as formatting arrays is slow.
 
     Raises:
         BrokenContract: The condition is false.

@@ -56,20 +56,25 @@ class FeatureSet(Protocol):
 
     @property
     def sole_dof(self) -> Mapping[str, str]:
-        """Degree of freedom ("vz", "wz", ...) that a feature alone controls, by the feature's name:
-        this component of the twist is zero while the feature is not measured.
+        """Component of the camera twist ("vx" to "wz") that a feature alone controls, by the
+        feature's name: this component is zero while the feature is not measured.
         """
         ...
 
     def values(self, sight: Sight) -> Array:
-        """Return the values s (k,) of the features, in `units`, for the target as it is seen
-        (`Sight`).
+        """Return the values s (k,) of the features, in `units`.
+
+        Args:
+            sight: The target as it is seen, or its desired view.
         """
         ...
 
     def matrix(self, sight: Sight) -> Array:
         """Return the interaction matrix L (k, 6) with ds/dt = L v, for a target at rest and a
         camera twist v (6,) in the camera frame [m/s, rad/s].
+
+        Args:
+            sight: The target as it is seen, or its desired view.
         """
         ...
 
@@ -98,9 +103,9 @@ class FeatureSet(Protocol):
 
 @runtime_checkable
 class OwnInverse(Protocol):
-    """Protocol of a feature set with an inverse of its own, which replaces the law's pseudo-inverse
-    while all features are measured, except for robots with one to five joints. All six components
-    of the camera twist may then move.
+    """Protocol of a feature set with an inverse of the interaction matrix of its own, which
+    replaces the law's pseudo-inverse while all features are measured. All six components of the
+    camera twist may then move. It is not used for robots with one to five joints.
     """
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
@@ -149,7 +154,11 @@ class Estimator(Protocol):
     """
 
     def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set, whose errors are given to `update` after each picture."""
+        """Begin a run; called once, before the first `update` or `skip`.
+
+        Args:
+            features: The feature set, whose errors are given to `update`.
+        """
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """Return the prediction after a frame in which the target was seen: the feature error (k,),
@@ -249,7 +258,7 @@ class Controller(Protocol):
 @runtime_checkable
 class ChoosesMoves(Protocol):
     """Protocol of the settings of a controller that choose which degrees of freedom of the camera
-    may move.
+    the controller may move.
     """
 
     def moves(self, *, six: bool) -> NDArray[np.bool_]:
@@ -275,10 +284,10 @@ class GoalSource(Protocol):
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
         """Return the desired view of the target (`Sight`) at the time of a frame; None if the goal
-        is not known. While the goal stays the same, the same object is returned.
+        is not known then. While the goal stays the same, the same object is returned.
 
         Args:
-            frame: The picture.
+            frame: The picture with its time.
             by_corners: Whether the tracker reports the target's corners.
         """
         ...

@@ -64,8 +64,8 @@ def simulate(
     seed: int | None = None,
     **settings: object,
 ) -> Run:
-    """Run a scenario to its end and return the run with all its steps and pictures; a notebook
-    shows a progress bar.
+    """Run a scenario to its end and return the run with all its steps and pictures; in a notebook a
+    progress bar is shown meanwhile.
 
     Args:
         scenario: Name of a shipped scenario, a TOML file, or what `servo.load` returned.
@@ -190,9 +190,9 @@ class Run(Sequence[Step]):
         return steps_table.table_of(self._light, steps_table.quantities_of(self._episode))
 
     def figure(self) -> Drawing:
-        """Return a figure of the run over time: the feature errors, the distances of the target's
-        true centre from goal and estimate [px], and the rates of the features that the target's own
-        motion causes.
+        """Return a figure of the run over time: the feature errors in their units, the distances of
+        the target's true centre from the goal and from the tracker's estimate [px], and the rates
+        of the features that the target's own motion causes.
         """
         return plots.figure(RunCurves.of(self._table, self._episode.loop.features), self.title)
 
@@ -288,8 +288,8 @@ def sweep(
     workers: int = 2,
     out: str | Path | None = None,
 ) -> Sweep:
-    """Do the runs of a study on worker processes, and return their results; a notebook shows a
-    progress bar.
+    """Do the runs of a study (a scenario over axes of settings and seeds) on worker processes, and
+    return their results; in a notebook a progress bar is shown meanwhile.
 
     Args:
         study: Name of a shipped study, or a TOML file.
@@ -335,8 +335,9 @@ def sweep(
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Sweep:
-    """The results of a finished study: a table of its runs, a table of its cells (combinations of
-    axis values), and a sentence for each run that failed.
+    """The results of a finished study (a scenario over axes of settings and seeds): a table of its
+    runs, a table of its cells (combinations of axis values), and a sentence for each run that
+    failed.
     """
 
     study: Study

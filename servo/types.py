@@ -20,8 +20,9 @@ DOF = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 @dataclass(frozen=True, slots=True)
 class Moments:
-    """Area, centroid (xg, yg) and central moments mu_pq of a filled silhouette (not of a set of
-    points), in normalised image coordinates.
+    """Area, centroid (xg, yg) and central moments of a filled silhouette (not of a set of points),
+    in normalised image coordinates: mu_pq is the integral of (x - xg)^p (y - yg)^q over the
+    silhouette.
     """
 
     area: float
@@ -56,7 +57,7 @@ class Plane:
 
 @dataclass(frozen=True, slots=True)
 class CameraImage:
-    """A picture, RGB (H, W, 3), and the model of the camera that took it."""
+    """A picture, RGB, uint8 (H, W, 3), and the intrinsics of the camera that took it."""
 
     image: Image
     """RGB (H, W, 3)."""

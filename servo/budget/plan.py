@@ -1,4 +1,6 @@
-"""The runs of an accuracy budget, and the contributions that follow from them."""
+"""The runs of an accuracy budget (a scenario with each source of error alone, and with all
+together), and the contribution of each source to the error at the end.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -115,11 +117,12 @@ class Plan:
         return (SOURCES[0], source) if source.seen else (source,)
 
     def reason(self, source: Source, idle: Callable[[Scenario], list[str]]) -> str:
-        """Return why the scenario cannot have a source of error; "" if it can.
+        """Return why a scenario cannot have a source of error (such as a wrong focal length), as a
+        sentence; "" if it can.
 
         Args:
             source: The source.
-            idle: Function that takes the scenario in which this source acts, and returns a sentence
+            idle: Function that takes the scenario in which the source acts, and returns a sentence
                 for each setting without effect, which begins with the setting's dotted key and a
                 space.
         """

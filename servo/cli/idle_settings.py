@@ -62,7 +62,9 @@ def idle_settings(episode: Episode) -> list[str]:
 
 
 def reports_corners(scenario: Setup) -> bool:
-    """Return whether a scenario's tracker declares that it reports the target's corners."""
+    """Return True if the settings of a scenario's tracker declare that the tracker reports the
+    target's corners; False also if they declare no properties at all.
+    """
     return Trait.CORNERS in (traits_of(scenario.tracker) or ())
 
 

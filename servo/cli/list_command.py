@@ -60,8 +60,11 @@ def show_all() -> None:
 
 
 def show(name: str) -> None:
-    """Print the kinds of a part (such as all trackers), the settings of a section or of a kind, or
-    the first sentence of a scenario or study.
+    """Print what a name stands for: the kinds of a part (such as all trackers), the settings of a
+    section or of a kind, or the first sentence of a scenario or study.
+
+    Args:
+        name: The name, such as "tracker", "camera", "kams" or "reversal".
 
     Raises:
         Mistake: Nothing of that name exists.

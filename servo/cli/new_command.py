@@ -63,15 +63,16 @@ SECTIONS = {
 
 
 def run(part: str, name: str, out: Path | None, door: str | None) -> None:
-    """Write a package with a new part, or a repository of scenarios, and print the paths of its
-    files.
+    """Write a package with a new part (a tracker, law, ...), or a repository of scenarios, and
+    print the paths of its files.
 
     Args:
         part: What to begin, such as "tracker", "law" or "scenarios".
         name: Name of the part and of its package, or of the first scenario.
         out: The folder to write; None: a folder of that name.
-        door: How a tracker that knows nothing of servobench is connected: "class", "program" or
-            "trax"; None: the part is a package of servobench with settings of its own.
+        door: How a tracker that knows nothing of servobench is connected: as a "class", a "program"
+            that speaks lines of JSON, or a "trax" server; None: the part is a package of servobench
+            with settings of its own.
 
     Raises:
         Mistake: The name is not valid for a package or is taken, the folder is not empty, or `door`
@@ -90,8 +91,9 @@ def new(part: str, kind: str, folder: Path | None, door: str | None = None) -> l
             "scenarios".
         kind: Name of the part and of its package, or of the first scenario.
         folder: The folder to write; None: a folder of that name.
-        door: How a tracker that knows nothing of servobench is connected: "class", "program" or
-            "trax"; None: the part is a package of servobench with settings of its own.
+        door: How a tracker that knows nothing of servobench is connected: as a "class", a "program"
+            that speaks lines of JSON, or a "trax" server; None: the part is a package of servobench
+            with settings of its own.
 
     Returns:
         The paths of the files.

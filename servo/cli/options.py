@@ -50,8 +50,8 @@ class Numbers(click.ParamType[list[float]]):
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> list[float]:
-        """Return the numbers, or fail with a usage error of click if their count differs or one is
-        not finite.
+        """Return the list of numbers in a text, or fail with a usage error of click if their count
+        is wrong or one is not finite.
         """
         try:
             numbers = [float(part) for part in str(value).split(",")]
@@ -94,8 +94,8 @@ class Shipped(click.ParamType[str]):
         param: click.Parameter,
         incomplete: str,
     ) -> list[CompletionItem]:
-        """Return, for the shell, the shipped names that begin with the typed letters; if there is
-        none, ask the shell to complete names of files.
+        """Return completions for the shell: the shipped names that begin with the typed letters
+        (`incomplete`); if there is none, one that asks the shell to complete names of files.
         """
         found = [CompletionItem(name) for name in self._names() if name.startswith(incomplete)]
         return found or [CompletionItem(incomplete, type="file")]
@@ -281,8 +281,8 @@ class Command(click.Command):
 
 
 class Commands(click.Group):
-    """The click group of all commands of servobench: its help lists them by purpose, and Ctrl-C,
-    SIGTERM and SIGHUP end each command in the same way.
+    """The click group of all commands of servobench. Its help lists them by purpose, and SIGINT
+    (Ctrl-C), SIGTERM and SIGHUP end each command in the same way.
     """
 
     command_class = Command

@@ -193,7 +193,9 @@ def _shown(
 
 
 def announce(viewer: LiveViewer | LightPage | None, console: Console) -> None:
-    """Print the address of the viewer's web page, if there is a viewer that has one."""
+    """Print the address of the viewer's web page; nothing without a viewer (None), or for a viewer
+    in a window.
+    """
     if viewer is not None and viewer.page is not None:
         plain(console, f"the page of the viewer: {viewer.page}")
 

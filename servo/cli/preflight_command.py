@@ -46,9 +46,10 @@ PICTURES = 3600
 class Given:
     """The options of the commands `preflight` and `twin` about a robot's log and the film of its
     camera: the log, the film (`video`), the scenario whose robot has the log's joints, the camera's
-    calibration file or horizontal field of view (`fov` [deg]), the rate of a folder of pictures
-    [Hz], the image topic of a bag, a CSV of stamps, and when the film begins on the log's clock
-    (`begins` [s]). None: not given.
+    calibration file or horizontal field of view (`fov` [deg]), its stated pose in the hand
+    (`mount`: x, y, z [m], roll, pitch, yaw [deg]) or only its distance from the hand's origin along
+    the optical axis (`along` [m]), the rate of a folder of pictures [Hz], the image topic of a bag,
+    a CSV of stamps, and when the film begins on the log's clock (`begins` [s]). None: not given.
     """
 
     log: Path

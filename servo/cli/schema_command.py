@@ -35,7 +35,7 @@ def run() -> None:
 
 
 def text() -> str:
-    """Return the JSON Schema of scenarios and studies as a text."""
+    """Return the JSON Schema of scenarios and studies as JSON."""
     return json.dumps(
         scenario_schema(
             {"vary": vary_schema(), "expect": expect_schema(), "sweep": sweep_schema()}

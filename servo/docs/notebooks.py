@@ -56,7 +56,8 @@ def notebook(page: str) -> str:
 
 
 def with_outputs(text: str) -> str:
-    """Run a notebook (JSON) in an empty folder, and return its JSON with the outputs of its cells.
+    """Run all cells of a Jupyter notebook (JSON) in a new empty folder, and return the notebook
+    (JSON) with the outputs of its cells.
 
     Raises:
         nbclient.exceptions.CellExecutionError: A cell ended with an error.

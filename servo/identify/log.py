@@ -74,7 +74,7 @@ COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Numbers (n,) with their times (n,) [s], in order of time."""
+    """Numbers (n,) of a robot's log with their times (n,) [s], in order of time."""
 
     times: Array
     """Stamps (n,) [s]."""

@@ -340,12 +340,12 @@ def svg(figure: Drawing, title: str) -> Markup:
 
 
 def saved(figure: Figure, kind: str, width: float | None = None) -> bytes:
-    """Return the content of a PDF, SVG or PGF file with a figure of a report and its legend. The
-    figure's drawing gets the width and the legend, and keeps them.
+    """Return the content of a file with a figure of a report and its legend. The figure's drawing
+    gets the width and the legend, and keeps them.
 
     Args:
         figure: A figure that has a drawing.
-        kind: pdf, svg or pgf.
+        kind: Format of the file: pdf, svg, pgf or png.
         width: Width before the margins are cut off [inch]; None: that on the page. Texts keep their
             size.
 

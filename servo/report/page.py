@@ -66,7 +66,7 @@ class Fact:
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """An entry of a figure's legend: label, colour and whether the line is dashed."""
+    """An entry of a figure's legend: label, colour (of CSS), and whether the line is dashed."""
 
     label: str
     colour: str
@@ -118,7 +118,8 @@ class PageImage:
 
     @staticmethod
     def of(title: str, encoded: bytes, place: str, *, sheet: bool) -> "PageImage":
-        """Return the picture that a PNG or JPEG file holds, from the bytes of the file.
+        """Return the picture that the bytes of a PNG or JPEG file hold, to be embedded in an HTML
+        report.
 
         Args:
             title: Title of the picture.
@@ -220,5 +221,5 @@ def template(name: str, **filters: Callable[[str], str]) -> Template:
 
 
 def render(sections: Sequence[Section]) -> str:
-    """Return the HTML of a whole report with these sections."""
+    """Return the HTML of a whole report, a page on its own, with the given sections."""
     return template("page.html.jinja").render(sections=sections, light=LIGHT, dark=DARK)

@@ -25,8 +25,8 @@ TEX = str.maketrans(
 
 
 def latex(sections: Sequence[Section]) -> str:
-    """Return LaTeX, to be included by a document that loads booktabs, with the tables of all
-    sections, each in an environment `table`; tables of more than 60 rows or 16 columns are left
+    """Return the tables of all sections of a report as LaTeX, each in an environment `table`, to be
+    included by a document that loads booktabs. Tables of more than 60 rows or 16 columns are left
     out.
     """
     tables = template("tables.tex.jinja", tex=_escaped, label=_label)

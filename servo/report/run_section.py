@@ -36,7 +36,8 @@ SHADED = "Shaded: the tracker was not sure of the target, or the frame was dropp
 
 
 def section(folder: Path) -> Section:
-    """Return the section of an HTML report about a folder that `servobench run` wrote.
+    """Return the section of an HTML report about a folder that `servobench run` wrote: measures and
+    bounds, errors over time, pictures and settings.
 
     Raises:
         Mistake: The run is not finished, or a file is damaged.

@@ -82,7 +82,9 @@ class Tuned:
 
     @property
     def broken(self) -> list[str]:
-        """A sentence for each condition that the best settings break on fresh seeds."""
+        """A sentence for each condition that the best settings break on fresh seeds; empty if they
+        break none, or were not run.
+        """
         return [
             f"{c}: on fresh seeds {c.name} is {spread(_mean(c.name, column(self.after, c.name)))}"
             for c in self.aim.keep

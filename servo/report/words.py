@@ -15,7 +15,7 @@ NOTHING = "\N{EN DASH}"
 
 
 class Tone(Enum):
-    """The meaning of a badge's colour."""
+    """Meaning of the colour of a badge (a coloured word): good, bad, or neither."""
 
     GOOD = "good"
     BAD = "bad"

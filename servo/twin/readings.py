@@ -140,8 +140,8 @@ def _columns(names: Sequence[str], scenario: str | None, path: Path) -> tuple[Ki
 
 def kinematics(scenario: str, columns: Sequence[str], path: Path) -> Callable[[Array], Array]:
     """Return the forward kinematics of a scenario's robot: a function from joint positions (n, k)
-    [m, rad], in the order of the log's columns, to poses (n, 7) of the camera in the world frame,
-    x, y, z [m] and a quaternion x, y, z, w.
+    [m, rad], in the order of the log's columns, to poses (n, 7) of the camera in the world frame
+    (in the target's frame if the robot holds the target): x, y, z [m] and a quaternion x, y, z, w.
 
     Args:
         scenario: The scenario.

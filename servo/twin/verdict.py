@@ -59,8 +59,8 @@ MM = 1e3
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A row of the table of a pre-flight: what was looked at, what was found, and what to
-    change.
+    """A row of the table of a pre-flight (a comparison of a robot's log with the film of its
+    camera): what was looked at, what was found, and what to change.
     """
 
     what: str
