@@ -85,7 +85,7 @@ def test_a_topic_must_be_clear(two, form):
         (
             None,
             "there are several topics with pictures: /left (5), /right/compressed (5); choose one "
-            "with --topic of `servobench track`, or give a scenario a bag with one of them",
+            "with --topic, or give a scenario a bag with one of them",
         ),
         (
             "/words",

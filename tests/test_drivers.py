@@ -14,6 +14,9 @@ from scipy.spatial.transform import Rotation
 from tutorial_pages import saved_files, script
 
 import servo
+from servo.twin.corrections import motion as motion_of
+from servo.twin.readings import TWIST as TWIST_COLUMNS
+from servo.twin.readings import hand_log, is_camera, log_table
 from sim.geometry import exp_se3, exp_so3, log_se3
 from sim.types import Pose
 
@@ -281,3 +284,27 @@ def test_the_depths_of_lerobot_are_in_metres() -> None:
     depth = made.newest().depth
     assert depth.dtype == np.float32
     assert depth == pytest.approx(np.array([[0.835, np.nan]]), nan_ok=True)
+
+
+def test_the_log_that_a_driver_writes_is_read(tmp_path):
+    module = ModuleType("robot_log")
+    exec(saved_files(PAGE.read_text())["robot_log.py"], module.__dict__)
+    times = np.arange(250) * 0.02
+    twists = np.tile(TWIST, (len(times), 1))
+    np.savetxt(
+        tmp_path / "wiggle.csv", np.column_stack([times, twists]), delimiter=",", header="time"
+    )
+    ticks = iter(np.arange(10**6) * 0.01)
+    robot = SimpleNamespace(
+        clock=lambda: next(ticks),
+        posture=lambda now: SimpleNamespace(T_base_camera=HOME @ exp_se3(TWIST * now)),
+        go=lambda twist: None,
+    )
+    path = tmp_path / "log.csv"
+    module.play(robot, str(tmp_path / "wiggle.csv"), str(path))
+    table = log_table(path, None, None, None)
+    motion = motion_of(hand_log(table, path, None).smooth)
+    assert is_camera(table, path, None)
+    middle = np.array([2.0])
+    np.testing.assert_allclose(motion.twists(middle, middle + 0.1)[0], TWIST, atol=1e-4)
+    assert [table[f"command_{name}"][9].as_py() for name in TWIST_COLUMNS] == TWIST.tolist()

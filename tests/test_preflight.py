@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from hidden_robot import CAMERA, SIZE, Film, Robot, played
+from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
 from servo.cli.main import app
@@ -218,3 +219,59 @@ def test_a_small_recording_becomes_a_page_and_a_scenario_that_runs(tmp_path):
     assert abs(scenario.believed.clock_offset_ms) < 8
     assert (out / "report.html").read_text().count("<section") == 1
     assert (out / "replay.mp4").stat().st_size > 10_000
+
+
+@pytest.mark.wide
+def test_a_bag_is_log_and_film_and_its_replay_is_a_recording_for_rerun(tmp_path):
+    bags = pytest.importorskip("bags", reason="rosbags and mcap are not installed")
+    pictures, rows = played(["robot.lag_ms=40"], 18.0)
+    frames = [(bags.START + each.time, each.image[..., ::-1]) for each in pictures]
+
+    def images(store):
+        return [(time, bags.COMPRESSED, bags.jpeg(store, time, image)) for time, image in frames]
+
+    def made(store, name, header, row, begin, linear, angular):
+        kinds = store.types
+        parts = (
+            kinds[f"geometry_msgs/msg/{kind}"](**{x[-1]: row[f"{begin}_{x}{unit}"] for x in names})
+            for kind, names, unit in (linear, angular)
+        )
+        whole = kinds[f"geometry_msgs/msg/{name}"](*parts)
+        return kinds[f"geometry_msgs/msg/{name}Stamped"](header, whole)
+
+    def messages(name, *parts):
+        def make(store):
+            for row in rows:
+                time = bags.START + row["time_s"]
+                header = bags.header(store, time)
+                yield (
+                    time,
+                    f"geometry_msgs/msg/{name}Stamped",
+                    made(store, name, header, row, *parts),
+                )
+
+        return lambda store: list(make(store))
+
+    turn = "Quaternion", ("qx", "qy", "qz", "qw"), ""
+    topics = {
+        "/eye": images,
+        "/hand": messages("Pose", "camera", ("Point", "xyz", "_m"), turn),
+        "/go": messages(
+            "Twist",
+            "command",
+            ("Vector3", ("vx", "vy", "vz"), "_m_s"),
+            ("Vector3", ("wx", "wy", "wz"), "_rad_s"),
+        ),
+    }
+    path = bags.write(tmp_path / "log_db3", topics)
+    out = tmp_path / "twin"
+    words = ["twin", str(path), "--fov", "57.82", "--on", "still", "--out", str(out)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code in (0, 1), done.output
+    assert load(out / "twin.toml").robot.lag_ms == pytest.approx(40, abs=12)
+    seen = set()
+    for chunk in RrdReader(str(out / "replay.rrd")).stream():
+        batch = chunk.to_record_batch()
+        seen |= {(chunk.entity_path, name) for name in batch.schema.names}
+    pictures = {(f"/{name}", "EncodedImage:blob") for name in ("recorded", "drawn", "difference")}
+    assert pictures | {("/plots/difference", "Scalars:scalars")} <= seen

@@ -35,6 +35,12 @@ PRINTS = {
         (r"no picture: stopped after ([\d.]+) s", (0.05, 0.45)),
         (r"no command: stopped after ([\d.]+) s", (0.25, 0.45)),
     ],
+    "first_start_eye_to_hand": [
+        (r"mistake +wrong +(the sign of x of)", "the sign of x of"),
+        (r"clock offset +ok +([\d.]+) ms", (77.0, 83.0)),
+        (r"mount: rotation +ok +roll (-[\d.]+)", (-100.6, -99.4)),
+        (r"mount: lever +ok +x -?[\d.]+, y (-[\d.]+)", (-910.0, -890.0)),
+    ],
     "first_start": [
         (r"mistake +wrong +(the quaternion's)", "the quaternion's"),
         (r"mistake +wrong +(lengths are in)", "lengths are in"),

@@ -570,6 +570,11 @@ def identify() -> None:
     help="Write the motion to play and record, in place of a comparison; with --scenario as rates "
     "of its robot's joints.",
 )
+@click.option(
+    "--eye-to-hand",
+    is_flag=True,
+    help="The camera stands still and films what the hand carries: find the camera in the base.",
+)
 @opt.twin_options
 @opt.out_option("runs/preflight-LOG")
 def preflight() -> None:
@@ -581,7 +586,7 @@ def preflight() -> None:
 
 @app.command()
 @click.argument("log", type=opt.PATH, help=opt.TWIN_LOG)
-@click.argument("video", type=opt.SOURCE, help=opt.TWIN_VIDEO)
+@click.argument("video", required=False, type=opt.SOURCE, help=opt.TWIN_VIDEO)
 @click.option(
     "--on",
     "base",

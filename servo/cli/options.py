@@ -186,10 +186,13 @@ def output_options(command: Function) -> Function:
 
 
 TWIN_LOG = (
-    "The hand's poses, twists or joints and the commands over time: .csv, .parquet, .mcap, or the "
-    "folder of a run."
+    "The hand's poses, twists or joints and the commands over time: .csv, .parquet, .mcap, the "
+    "folder of a run, or a bag of ROS."
 )
-TWIN_VIDEO = "What its camera saw meanwhile: a video, a folder of pictures, or a bag."
+TWIN_VIDEO = (
+    "What its camera saw meanwhile: a video, a folder of pictures, or a bag (default: LOG, if that "
+    "is a bag)."
+)
 TWIN = (
     click.option(
         "--scenario", type=SCENARIO, help="The scenario whose robot has the log's joints."
@@ -220,6 +223,8 @@ TWIN = (
         help="Pictures a second of a folder [Hz].",
     ),
     click.option("--topic", help="The image topic of a bag that has several."),
+    click.option("--motion", help="The topic of a bag with the hand's motion, if several have it."),
+    click.option("--commands", help="The topic of a bag with the commanded twists, likewise."),
     click.option("--stamps", type=PATH, help="CSV with the stamp time_s of each picture [s]."),
     click.option(
         "--begins",

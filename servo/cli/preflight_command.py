@@ -8,6 +8,7 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 from rich.console import Console
 
 from servo.cli.jobs import progress
@@ -23,15 +24,16 @@ from servo.scenario.calibration import camera_in
 from servo.scenario.load import load
 from servo.twin import section as sections
 from servo.twin.compare import Comparison, Trust, compare, rough_begin
-from servo.twin.corrections import Smooth, corrections
+from servo.twin.corrections import Kind, Smooth, corrections
 from servo.twin.mount import Mount
-from servo.twin.readings import SHORTEST, clock_of, film, hand_log, is_camera
+from servo.twin.readings import SHORTEST, clock_of, film, hand_log, is_camera, log_table
 from servo.twin.tracks import Tracks, follow
 from servo.twin.verdict import believed_mount
 from servo.twin.wiggle import rates
 from servo.types import DOF
 from sim.types import Camera
 from tracking.files import atomic
+from tracking.sequences.bag_file import is_bag
 
 PAGE = "report.html"
 ASSUMED = 60.0
@@ -65,6 +67,35 @@ class Given:
     topic: str | None = None
     stamps: Path | None = None
     begins: float | None = None
+    motion: str | None = None
+    commands: str | None = None
+    eye_to_hand: bool = False
+    """True if the camera stands still and films what the hand carries."""
+    """Topics of a bag with the hand's motion and the commanded twists."""
+
+    @staticmethod
+    def of(log: Path | None, video: str | None, **options: object) -> "Given":
+        """Return the options of a command; the film of a bag is in the bag, if none is given.
+
+        Raises:
+            Mistake: There is no log, or no film.
+        """
+        if log is not None and video is None and is_bag(log):
+            video = str(log)
+        if log is None or video is None:
+            raise Mistake(
+                "give a LOG and a VIDEO, or a bag with both; `servobench preflight --wiggle "
+                "FILE.csv` writes the motion to record"
+            )
+        return Given(log, video, **options)  # type: ignore[arg-type]
+
+    def table(self) -> pa.Table:
+        """Return the rows of the log.
+
+        Raises:
+            Mistake: The log cannot be read.
+        """
+        return log_table(self.log, self.scenario, self.motion, self.commands)
 
 
 def run(
@@ -90,14 +121,10 @@ def run(
     if wiggle is not None:
         write_wiggle(wiggle, scenario if isinstance(scenario, str) else None)
         return 0
-    if log is None or video is None:
-        raise Mistake(
-            "preflight: give a LOG and a VIDEO, or --wiggle FILE.csv for the motion to record"
-        )
-    given = Given(log, video, **options)  # type: ignore[arg-type]
-    compared, *_ = comparison(given)
+    given = Given.of(log, video, **options)
+    compared, *_ = comparison(given, given.table())
     show(compared)
-    folder = prepare(out, f"preflight-{log.stem}")
+    folder = prepare(out, f"preflight-{given.log.stem}")
     with writing(folder):
         page = atomic.write(folder, PAGE, render([sections.section(compared, folder, made(given))]))
     plain(Console(), str(page))
@@ -115,7 +142,19 @@ def made(given: Given, command: str = "preflight", **more: object) -> Made:
     """
     options = {
         name: getattr(given, name)
-        for name in ("scenario", "calibration", "fov", "along", "rate", "topic", "stamps", "begins")
+        for name in (
+            "scenario",
+            "calibration",
+            "fov",
+            "along",
+            "rate",
+            "topic",
+            "stamps",
+            "begins",
+            "motion",
+            "commands",
+            "eye_to_hand",
+        )
     }
     if given.mount is not None:
         options["mount"] = ",".join(f"{each:g}" for each in given.mount)
@@ -130,36 +169,44 @@ def show(compared: Comparison) -> None:
     plain(console, *(f"doubt: {each}" for each in compared.verdict.doubts))
 
 
-def comparison(given: Given) -> tuple[Comparison, Camera, float]:
-    """Return the comparison of a robot's log with the film of its camera, the film's camera, and
-    the time of the film's first picture on the log's clock [s], to which the offset that the
-    comparison estimates is not yet added.
+def comparison(given: Given, table: pa.Table) -> tuple[Comparison, Camera, float]:
+    """Return the comparison of a robot's log, given as its table, with the film of its camera, the
+    film's camera, and the time of the film's first picture on the log's clock [s], to which the
+    offset that the comparison estimates is not yet added.
 
     Raises:
         Mistake: The log or the film cannot be used.
     """
     console = Console()
     with waiting(Console(stderr=True), "reading the log"):
-        smooth = hand_log(given.log, given.scenario).smooth
+        smooth = hand_log(table, given.log, given.scenario).smooth
+    if given.eye_to_hand:
+        smooth = replace(smooth, is_inverse=True)
+        if smooth.kind is Kind.TWISTS:
+            raise Mistake(
+                f"{given.log}: --eye-to-hand needs poses of the hand or joints: twists do not show "
+                "where the base is, in which the camera stands"
+            )
     tracks, camera = followed(given, smooth, console)
     trust = Trust(
         given.calibration is not None or given.fov is not None,
         given.along,
-        stated_mount(given),
+        stated_mount(given, table),
     )
     with progress(console, "comparing", 1 + len(corrections(smooth))) as tick:
         compared = compare(smooth, tracks, trust, tick)
     return compared, camera, float(tracks.times[0])
 
 
-def stated_mount(given: Given) -> Mount | None:
-    """Return the mount (pose of the camera in the robot's hand) that the user, or else the log,
-    states: a log of the camera's own poses, or of a robot's joints with --scenario, has the camera
-    itself as the hand, a mount of zero. None: there is no such statement.
+def stated_mount(given: Given, table: pa.Table) -> Mount | None:
+    """Return the mount (pose of the camera in the robot's hand) that the user, or else the log's
+    table, states: a log of the camera's own poses, or of a robot's joints with --scenario, has the
+    camera itself as the hand, a mount of zero. None: there is no such statement.
     """
     if given.mount is not None:
         return believed_mount(tuple(given.mount))
-    return believed_mount((0.0,) * 6) if is_camera(given.log, given.scenario) else None
+    is_stated = not given.eye_to_hand and is_camera(table, given.log, given.scenario)
+    return believed_mount((0.0,) * 6) if is_stated else None
 
 
 def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Camera]:
@@ -202,6 +249,7 @@ def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Ca
             f"the film has no stamps on the log's clock: its first picture is taken to be at "
             f"{begins:.3f} s of the log, where the motion fits best",
         )
+    tracks = tracks.moving if given.eye_to_hand else tracks
     timed = replace(
         tracks, times=tracks.times + begins, cuts=[time + begins for time in tracks.cuts]
     )

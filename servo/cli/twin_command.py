@@ -8,6 +8,7 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import tomli_w
 from rich.console import Console
 
@@ -23,28 +24,28 @@ from servo.scenario.load import load
 from servo.twin import section as sections
 from servo.twin.compare import Comparison
 from servo.twin.readings import command_log, film
-from servo.twin.replay import turned_by, write_replay
+from servo.twin.replay import FILM, RECORDING, turned_by, write_replay
 from servo.twin.verdict import MM
 from sim.types import Camera, Image
 from tracking.drawing.picture_bytes import encoded
 from tracking.files import atomic
 
 SCENARIO = "twin.toml"
-REPLAY = "replay.mp4"
 DEFAULT = "line"
 DROPPED = ("vary", "expect", "sweep")
 """Tables that judge the scenario to begin with."""
 STILLS = 3
 
 
-def run(log: Path, video: str, base: str | None, out: Path | None, **options: object) -> int:
-    """Compare a robot's log with the film of its camera, and write the scenario that simulates the
-    robot, a film of the recording beside its simulation, and a page. The film is left out if the
-    pose of the camera in the hand is too uncertain.
+def run(log: Path, video: str | None, base: str | None, out: Path | None, **options: object) -> int:
+    """Compare a robot's log with the film of its camera (or a bag that holds both, if `video` is
+    None), and write the scenario that simulates the robot, a film and a Rerun recording of the
+    recording beside its simulation, and a page. Film and recording are left out if the pose of the
+    camera in the hand is too uncertain. Return 1 if something is wrong or refused, else 0.
 
     Args:
         log: The robot's log.
-        video: The film of its camera.
+        video: The film of its camera; None: it is in the log, which is a bag.
         base: The scenario to begin with; None: that of the log's joints, or "line".
         out: The folder to write; None: the next free runs/twin-LOG.
         **options: The other fields of `Given`, by name.
@@ -55,13 +56,14 @@ def run(log: Path, video: str, base: str | None, out: Path | None, **options: ob
     Raises:
         Mistake: The log, the film or the scenario cannot be used.
     """
-    given = Given(log, video, **options)  # type: ignore[arg-type]
+    given = Given.of(log, video, **options)
     console = Console()
     scenario = base or given.scenario or DEFAULT
     load(scenario)
-    compared, camera, begins = comparison(given)
+    table = given.table()
+    compared, camera, begins = comparison(given, table)
     show(compared)
-    changes, notes = _changes(given, compared, camera, scenario)
+    changes, notes = _changes(given, table, compared, camera, scenario)
     folder = prepare(out, f"twin-{log.stem}")
     text = toml(scenario, changes, notes)
     with writing(folder):
@@ -80,7 +82,7 @@ def run(log: Path, video: str, base: str | None, out: Path | None, **options: ob
 
 
 def _changes(
-    given: Given, compared: Comparison, camera: Camera, scenario: str
+    given: Given, table: pa.Table, compared: Comparison, camera: Camera, scenario: str
 ) -> tuple[dict[str, object], dict[str, str]]:
     """Return the settings that a recording shows, and a comment for each; comments with the keys
     "1", "2", ... are about what is not known.
@@ -90,7 +92,7 @@ def _changes(
     notes: dict[str, str] = {}
     try:
         with waiting(Console(stderr=True), "estimating delay, lag, play and noise"):
-            _, text = estimated(command_log(given.log, compared.motion), scenario)
+            _, text = estimated(command_log(table, given.log, compared.motion), scenario)
     except Mistake as error:
         complain(f"delay, lag and play are not known: {error}")
         notes["1"] = f"delay, lag and play are not known: {error}"
@@ -116,7 +118,7 @@ def _changes(
             f"+- {MM * half:.2f} ms: 0 as soon as your driver adds {MM * offset:.2f} ms to each "
             "stamp"
         )
-    stated = stated_mount(given)
+    stated = stated_mount(given, table)
     if verdict.mount is not None and stated is not None:
         vector, place = turned_by(stated, mount)
         half = np.degrees(mount.halves[1:4].max())
@@ -186,28 +188,29 @@ def _replay(
     folder: Path,
     console: Console,
 ) -> list[Block]:
-    """Write the film of a recording and its simulation, and return the page's block about it."""
+    """Write a recording and its simulation, and return the page's block about them."""
     source, pictures = film(given.video, given.rate, given.topic, given.stamps)
-    path = folder / REPLAY
+    path = folder / FILM
     count = source.count or len(compared.tracks.times)
     with (
         Episode(load(scenario), seen=False) as episode,
         writing(folder),
         progress(console, "drawing again", count) as tick,
     ):
-        found = write_replay(pictures, begins, compared, camera, episode, path, tick)
+        found = write_replay(pictures, begins, compared, camera, episode, folder, tick)
     text = f"median difference {np.median(found):.1f} of 255 grey levels"
     plain(console, f"{path}: film and simulation; {text}")
+    plain(console, f"servobench view {folder / RECORDING}")
     stills = [
-        PageImage.of("", encoded(each), REPLAY, sheet=True)
+        PageImage.of("", encoded(each), FILM, sheet=True)
         for each in islice(_stills(path, len(found)), STILLS)
     ]
     return [
         Block(
             "Film, simulation at the recorded posture, difference",
             [
-                f"The whole film is {REPLAY}; {text}. The scene is that of {scenario.name}: only "
-                "things that it has can agree."
+                f"The whole film is {FILM}, and {RECORDING} for `servobench view`; {text}. The "
+                f"scene is that of {scenario.name}: only things that it has can agree."
             ],
             pictures=stills,
         )

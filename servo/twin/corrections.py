@@ -52,6 +52,9 @@ class Smooth:
     """Names of the values."""
     poses_of: Callable[[Array], Array] | None = None
     """Forward kinematics, for joints."""
+    is_inverse: bool = False
+    """True if the camera stands still and films what the hand carries: seen from the hand, the base
+    with the camera moves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +109,7 @@ def motion(smooth: Smooth, *corrections: Correction) -> RobotMotion:
     values = np.hstack([values[:, :3] @ turn, values[:, 3:]])
     if smooth.kind is Kind.TWISTS:
         return of_twists(smooth.times, _in_hand(smooth.times, values, *frames))
-    return of_poses(smooth.times, values)
+    return of_poses(smooth.times, _inverse(values) if smooth.is_inverse else values)
 
 
 def _in_hand(times: Array, twists: Array, of_v: Frame, of_w: Frame) -> Array:
@@ -219,7 +222,8 @@ def _of_poses(_: tuple[str, ...]) -> Iterator[Correction]:
         )
     yield Correction(
         "the poses are inverse: of the base in the hand's frame",
-        "log the pose of the hand in the base's frame: the inverse of the present one",
+        "log the pose of the hand in the base's frame: the inverse of the present one; or give "
+        "preflight --eye-to-hand, if the camera stands still and the hand carries what it films",
         _inverse,
         is_usual=True,
     )

@@ -15,10 +15,12 @@ from servo.loop.episode import Episode
 from servo.mistake import Mistake, as_mistake, check_rules
 from servo.output.steps_table import TABLE
 from servo.scenario.load import load
+from servo.twin.bag_log import bag_table, is_bag_log
 from servo.twin.corrections import Kind, Smooth
 from servo.twin.robot_motion import RobotMotion, continuous, smoothed
 from sim.models.quaternion import quaternion_of
 from sim.types import Array
+from tracking.sequences.bag_file import is_bag
 from tracking.sequences.sequence import source_of
 from tracking.sequences.sources import NANO, Picture, Source
 
@@ -54,19 +56,43 @@ class HandLog:
     """Median interval of the rows [s]."""
 
 
-def hand_log(path: Path, scenario: str | None) -> HandLog:
-    """Read the motion of a robot's hand from a log, or from the folder of a run.
+def log_table(
+    path: Path, scenario: str | None, motion: str | None, commands: str | None
+) -> pa.Table:
+    """Return the rows of a robot's log.
 
     Args:
-        path: A file .csv, .parquet or .mcap, or a folder of `servobench run`.
+        path: A file .csv, .parquet or .mcap, a folder of `servobench run`, or a bag.
+        scenario: The scenario whose robot has the log's joints; None: the log has poses or twists.
+        motion: Topic of a bag with the hand's motion; None: the only one.
+        commands: Topic of a bag with the commanded twists; None: the only one.
+
+    Raises:
+        Mistake: The log cannot be read, or a topic is given for another file than a bag.
+    """
+    if is_bag(path) and is_bag_log(path):
+        units: dict[str, str] = {}
+        if scenario is not None:
+            with Episode(load(scenario), seen=False) as episode:
+                robot = episode.world.robot
+                units = dict(zip(robot.names, robot.units, strict=True))
+        return bag_table(path, units, motion, commands)
+    if motion or commands:
+        raise Mistake(f"{path}: --motion and --commands are topics of a bag, and this is none")
+    return table_in(path / TABLE if path.is_dir() else path)
+
+
+def hand_log(table: pa.Table, path: Path, scenario: str | None) -> HandLog:
+    """Return the motion of a robot's hand by the rows of a log.
+
+    Args:
+        table: The rows.
+        path: The log, for messages.
         scenario: The scenario whose robot has the log's joints; None: the log has poses or twists.
 
     Raises:
-        Mistake: The log cannot be read, is shorter than 4 s or longer than 600 s, has too few rows,
-            or has no motion of the hand.
+        Mistake: The log is too short, or has no motion of the hand.
     """
-    path = path / TABLE if path.is_dir() else path
-    table = table_in(path)
     names = table.column_names
     if "time_s" not in names:
         raise Mistake(
@@ -174,20 +200,13 @@ def kinematics(scenario: str, columns: Sequence[str], path: Path) -> Callable[[A
     return poses
 
 
-def command_log(path: Path, motion: RobotMotion) -> Log:
-    """Return the log of commands and motion, as `servo.identify` reads it. A log with commanded
-    twists of the hand (columns command_vx_m_s ...) and no measured ones gets measured twists from
-    the hand's motion.
-
-    Args:
-        path: A file .csv, .parquet or .mcap, or a folder of `servobench run`.
-        motion: The motion of the hand.
+def command_log(table: pa.Table, path: Path, motion: RobotMotion) -> Log:
+    """Return the log of commands and motion, as `identify` reads it; a log of poses with commanded
+    twists of the hand (command_vx_m_s ...) gets the measured twists of its poses.
 
     Raises:
         Mistake: The log has no commands, or `servo.identify` refuses it.
     """
-    path = path / TABLE if path.is_dir() else path
-    table = table_in(path)
     names = [f"measured_{each}" for each in TWIST]
     if any(f"command_{each}" in table.column_names for each in TWIST) and not (
         set(names) & set(table.column_names)
@@ -199,19 +218,11 @@ def command_log(path: Path, motion: RobotMotion) -> Log:
     return log_of(table, path)
 
 
-def is_camera(path: Path, scenario: str | None) -> bool:
-    """Return True if a log has the motion of the camera itself: in columns camera_..., or, with a
-    scenario, as positions of the joints of its robot.
-
-    Args:
-        path: A file .csv, .parquet or .mcap, or a folder of `servobench run`.
-        scenario: The scenario whose robot has the log's joints, if any.
-
-    Raises:
-        Mistake: The log cannot be read, or has no motion of the hand or the camera.
+def is_camera(table: pa.Table, path: Path, scenario: str | None) -> bool:
+    """Return True if a log states where the camera is: by columns camera_..., or by the joints of a
+    scenario's robot, whose model has a camera.
     """
-    names = table_in(path / TABLE if path.is_dir() else path).column_names
-    return _columns(names, scenario, path)[1][0].startswith(("camera_", "joint_"))
+    return _columns(table.column_names, scenario, path)[1][0].startswith(("camera_", "joint_"))
 
 
 def _check_motion(smooth: Smooth, path: Path) -> None:

@@ -10,6 +10,9 @@ import numpy as np
 
 from servo.closing import closing
 from servo.loop.episode import Episode
+from servo.output.recording.destination import RecordingFile
+from servo.output.recording.layout import REPLAY
+from servo.output.recording.replay_log import ReplayLog
 from servo.twin.compare import Comparison
 from servo.twin.diagnosis import effect
 from servo.twin.mount import Mount
@@ -22,9 +25,10 @@ from tracking.drawing.film_page import FilmPage, panel
 from tracking.drawing.running_chart import Chart
 from tracking.sequences.sources import Picture
 
+FILM = "replay.mp4"
+RECORDING = "replay.rrd"
 PANEL = 416, 312
 """Three of them, with the margins, are 1312 px wide."""
-CAPTIONS = "Film", "Simulation at the recorded posture", "Difference, three times"
 LOUDER = 3.0
 """Factor on the drawn difference."""
 UPRIGHT = np.radians(3.0)
@@ -81,12 +85,11 @@ def write_replay(
     compared: Comparison,
     camera: Camera,
     episode: Episode,
-    path: Path,
+    folder: Path,
     tick: Callable[[str], None],
 ) -> list[float]:
-    """Write a film of a recording: each picture, the simulated one from the same pose, and their
-    difference. Return the median absolute difference of each pair of pictures [grey levels, 0 to
-    255]. Pictures outside of the log's time are left out.
+    """Write a recording and its simulation as a film and for Rerun, and return the median
+    difference of each pair of pictures [grey levels].
 
     Args:
         pictures: The film's pictures.
@@ -95,7 +98,7 @@ def write_replay(
         compared: The comparison of log and film.
         camera: The film's camera.
         episode: The simulated scene.
-        path: MP4 file to write.
+        folder: Folder to write into.
         tick: Called after each picture, with a note; Ctrl-C in it ends the film there.
     """
     motion, mount = compared.motion, compared.mount
@@ -112,12 +115,14 @@ def write_replay(
         camera.height,
     )
     curves = {"median difference": colours.CURVES[0]}
-    page = FilmPage(path, 30.0, "Replay", CAPTIONS, PANEL, Chart(curves, "grey levels"))
+    chart = Chart(curves, "grey levels")
+    page = FilmPage(folder / FILM, 30.0, "Replay", tuple(REPLAY.values()), PANEL, chart)
+    log = ReplayLog(RecordingFile(folder / RECORDING))
     scene = SceneCamera(episode, view)
     found: list[float] = []
-    with closing(page.close, scene.close):
+    with closing(page.close, log.close, scene.close):
         try:
-            for picture in pictures:
+            for number, picture in enumerate(pictures):
                 time = begins + stretch * picture.time
                 time += mount.offset + mount.drift * (time - middle)
                 if picture.image is None or not first < time < last:
@@ -129,7 +134,9 @@ def write_replay(
                 found.append(float(np.median(off)))
                 shown = np.clip(LOUDER * off, 0, 255).astype(np.uint8)
                 shown = np.repeat(shown[..., None], 3, axis=2)
-                panels = [panel(each, *PANEL) for each in (seen, drawn, shown)]
+                three = seen, drawn, shown
+                log.add(number, picture.time, three, found[-1])
+                panels = [panel(each, *PANEL) for each in three]
                 note = f"{found[-1]:.1f} levels"
                 page.add(picture.time, panels, [found[-1]], [NO_STATUS], note)
                 tick(note)

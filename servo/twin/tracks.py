@@ -35,6 +35,8 @@ SHOWN = 200
 """Every so many-th picture is kept, to be shown."""
 FEW = 30
 """Least number of points in a pair of pictures that is used."""
+STILL = 0.15
+"""Largest distance between two pictures of a point that stands still [px]."""
 CUT = 0.25
 """Share of followed points below which the picture after is of another place."""
 
@@ -72,6 +74,12 @@ class Tracks:
     def steps(self) -> "Tracks":
         """A copy with only the pairs of consecutive pictures."""
         return self.only(self.second - self.first == 1)
+
+    @property
+    def moving(self) -> "Tracks":
+        """The points that move: those of what is carried before a camera that stands still."""
+        away = self.focal * np.linalg.norm(self.after - self.before, axis=2)
+        return replace(self, known=self.known & (away > STILL))
 
     def only(self, pairs: NDArray[np.bool_], every: int = 1) -> "Tracks":
         """Return a copy with a part of the pairs of pictures and of the points.

@@ -11,7 +11,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from sim.files import reading
 from sim.files.bit_depth import BitDepth
@@ -22,7 +22,7 @@ from tracking.sequences.image_message import (
     picture_of,
     plain_kind,
 )
-from tracking.sequences.sources import NANO, RATE, End, Picture, timed
+from tracking.sequences.sources import NANO, RATE, SECOND, End, Picture, timed
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Schema
@@ -91,6 +91,33 @@ def is_bag(path: Path) -> bool:
     except (OSError, ValueError):
         return False
     return INDEX_KEY in head if folder else head.startswith((MCAP, ROS1, SQLITE))
+
+
+def topics_in(path: Path) -> list[Topic]:
+    """Return the topics of a bag.
+
+    Raises:
+        ValueError: The bag cannot be read.
+    """
+    with _opened(path) as bag:
+        return list(bag.topics)
+
+
+def messages_in(path: Path, topic: Topic) -> Iterator[tuple[float, Any]]:
+    """Yield the messages of a topic of ROS and their times [s]: the stamps of their headers, or,
+    without such a stamp, when they were recorded.
+
+    Raises:
+        ValueError: The bag is damaged.
+    """
+    decode = decoder_of(topic.kind, topic.serialization)
+    with _opened(path) as bag:
+        for recorded, data in bag.messages(topic.name):
+            message = decode(data)
+            stamp = 0
+            if hasattr(message, "header"):
+                stamp = message.header.stamp.sec * SECOND + message.header.stamp.nanosec
+            yield (stamp or recorded) * NANO, message
 
 
 class Bag:
@@ -171,8 +198,8 @@ def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
         raise ValueError(f"{path}: this bag has no topic '{name}' with pictures; it has {there}")
     if len(found) > 1:
         raise ValueError(
-            f"{path}: there are several topics with pictures: {there}; choose one with --topic of "
-            "`servobench track`, or give a scenario a bag with one of them"
+            f"{path}: there are several topics with pictures: {there}; choose one with --topic, or "
+            "give a scenario a bag with one of them"
         )
     if not found[0].count:
         raise ValueError(

@@ -10,6 +10,12 @@ IMAGE = "world/eye/image"
 """Entity of the camera's picture in the recording of a run."""
 PICTURE = "image"
 """The same in the recording of a track, which has no room."""
+REPLAY = {
+    "recorded": "Film",
+    "drawn": "Simulation at the recorded posture",
+    "difference": "Difference, three times",
+}
+"""Entities of the pictures of a replay, with their titles."""
 UP = (0, 0, 1)
 
 
@@ -88,3 +94,13 @@ def blueprint_of_track() -> rrb.Blueprint:
     )
     columns = rrb.Horizontal(view, rrb.Vertical(*plots), column_shares=[2, 1])
     return rrb.Blueprint(columns, collapse_panels=True)
+
+
+def blueprint_of_replay() -> rrb.Blueprint:
+    """Return the viewer's layout of a replay: its three pictures side by side, and below them the
+    median difference over time [grey levels].
+    """
+    pictures = [rrb.Spatial2DView(origin=name, name=title) for name, title in REPLAY.items()]
+    curve = rrb.TimeSeriesView(origin="plots/difference", name="Median difference [grey levels]")
+    rows = rrb.Vertical(rrb.Horizontal(*pictures), curve, row_shares=[2, 1])
+    return rrb.Blueprint(rows, rrb.TimePanel(timeline="sim_time"), collapse_panels=True)
