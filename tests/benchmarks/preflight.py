@@ -278,6 +278,15 @@ def v_in_base(v, base):
     return np.hstack([base.apply(v[:, :3]), v[:, 3:]])
 
 
+def w_in_base(v, base):
+    return np.hstack([v[:, :3], base.apply(v[:, 3:])])
+
+
+def turned(v):
+    """Poses whose position is in a frame of its own."""
+    return np.hstack([Rotation.from_rotvec([0.2, 0.4, -0.4]).apply(v[:, :3]), v[:, 3:]])
+
+
 def twist(change):
     return lambda v, base: change(v)
 
@@ -422,6 +431,14 @@ def mistakes(count):
             },
         ),
         ("rate 30 for 25", {"spoil": [at_rate(25 / 30)], "names": [("times run",)]}),
+        (
+            "w in base",
+            {"kind": Kind.TWISTS, "log": [w_in_base], "names": [("and w in the base's",)]},
+        ),
+        (
+            "position in another frame",
+            {"log": [turned], "names": [("turned against",)]},
+        ),
     ]
     for k, (name, of) in enumerate(cases[:count]):
         of = dict(of)
