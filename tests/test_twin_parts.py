@@ -92,7 +92,7 @@ def test_a_dark_film_and_a_jump_are_noticed():
 
 def test_a_film_of_one_picture_is_refused_and_ctrl_c_ends_a_longer_one():
     with pytest.raises(
-        ValueError, match="^this film has fewer than two pictures that can be decoded$"
+        ValueError, match=r"^this film has fewer than two pictures that can be decoded$"
     ):
         follow(film(SHIFTS[:1]), lambda w, h: CAMERA, lambda _: None)
     for stop, count in ((29, None), (30, 30)):
