@@ -185,6 +185,7 @@ def test_a_cut_log_gives_what_is_in_it_and_says_so(tmp_path):
     assert 40 < len(found) < 100
     assert all(p.image is not None for p in found)
     assert bag.end.lost
+    assert bag.rate == pytest.approx((bag.count - 1) / 0.35)  # without the index of its end
     assert bag.end.sentence.startswith(
         f"{path}: {len(found)} pictures, then this bag is damaged or incomplete"
     )
@@ -214,3 +215,12 @@ def test_the_missing_extra_is_named(two, monkeypatch):
         f"{path}: bags are read by the package 'mcap', which is not installed: install "
         "servobench[ros]"
     )
+
+
+@pytest.mark.parametrize(("length", "is_said"), [(1_000_000_001, True), (1_000_000_000, False)])
+def test_a_record_of_more_than_a_gigabyte_is_not_read(tmp_path, length, is_said):
+    path = tmp_path / "log.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + b"\x03" + length.to_bytes(8, "little") + bytes(99))
+    with pytest.raises(ValueError) as refused:
+        Bag(path, None)
+    assert ("exceeds limit" in str(refused.value)) is is_said, str(refused.value)

@@ -16,7 +16,7 @@ from publish import FEW, FIRST_PAGE, PAGES, with_tables
 
 from servo.bench import audit
 from servo.bench import benchmark as benchmarks
-from servo.bench.benchmark import NAMES, Band, condition_of, load
+from servo.bench.benchmark import NAMES, Band, World, condition_of, load
 from servo.bench.contestant import Contestant, Division, contestants, scale_of
 from servo.bench.row import (
     TAUS,
@@ -34,9 +34,13 @@ from servo.bench.row import (
 from servo.bench.score import Difficulty, effects, standings
 from servo.bench.world_run import ERROR, LAST, PICTURE, jobs_of
 from servo.cli import benchmark_command, main
+from servo.loop.part_failures import PartFailed
 from servo.mistake import Mistake
 from servo.report import benchmark_section
+from servo.scenario.part_names import settings_of
 from servo.study.run import Record
+from servo.types import Command
+from sim import world as sim_world
 
 DIGEST = 64 * "0"
 BENCH = ("benchmark", "servo-v1", "--workers", "1")
@@ -893,3 +897,53 @@ def test_an_alien_row_is_refused(tmp_path, before, after, sentence):
     with pytest.raises(Mistake) as refused:
         Row.read(path)
     assert str(refused.value).startswith(f"{path}: {sentence}")
+
+
+def test_a_third_of_the_lamps_is_named_by_its_ends():
+    worlds = [
+        World("plain", k, k, {"light.azimuth_deg": 10.0 * k}, {}) for k in reversed(range(15))
+    ]
+    table = standings([row("still", [0.0] * 15), row("a", [0.1 * (k // 5) for k in range(15)])])
+    found = {e.level: e.points for e in effects(worlds, table)}
+    assert {level: points.value for level, points in found.items()} == pytest.approx(
+        {"0 to 40": 0.0, "50 to 90": 10.0, "100 to 140": 20.0}
+    )
+    assert [points.units for points in found.values()] == [5, 5, 5]
+    assert effects(worlds[:14], table)[-1].level == "60 to 100"  # four worlds are too few
+
+
+class Breaking:
+    """A law that raises an error in the fourth picture."""
+
+    def start(self, task):
+        self.left = 3
+
+    def command(self, seen, posture, dt):
+        self.left -= 1
+        if self.left < 0:
+            raise RuntimeError("no more")
+        return Command(np.zeros(6))
+
+
+def test_a_run_ends_where_the_simulation_is_unstable_but_not_where_a_law_fails(
+    monkeypatch, tmp_path
+):
+    loop = load("servo-v1")
+    worlds = loop.every_world(Band("dev"), 1)[:1]
+    failing = Contestant("breaks", settings_of("controller", f"{__name__}:Breaking"), Division.OPEN)
+    [job] = jobs_of(loop, [failing], worlds)
+    with pytest.raises(PartFailed, match="no more"):
+        job.subject.perform(job, tmp_path)
+    [still, *_] = jobs_of(loop, scale_of(loop), worlds)
+    step = sim_world.World.step
+    left = iter(range(3))
+
+    def unstable(world, twists):
+        if next(left, None) is None:
+            raise sim_world.Unstable("it shakes")
+        return step(world, twists)
+
+    monkeypatch.setattr(sim_world.World, "step", unstable)
+    record = still.subject.perform(still, tmp_path)
+    errors = record.series[ERROR]
+    assert np.isfinite(errors).tolist() == [True] * 3 + [False] * (len(errors) - 3)

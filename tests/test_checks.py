@@ -10,7 +10,7 @@ from made import Good, config_for
 from servo import testing
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.testing import BrokenContract, check_features, check_tracker
-from tracking.types import State, Status
+from tracking.types import Region, State, Status
 
 FOLDERS = {part: folder for part, (folder, _) in PLUGINS.items()} | LISTS
 CHECKS = {part: getattr(testing, f"check_{part.removesuffix('s')}", None) for part in FOLDERS}
@@ -157,3 +157,30 @@ def test_what_is_no_part_is_a_sentence(part, sentence):
     with pytest.raises(BrokenContract) as broken:
         check_tracker(part)
     assert str(broken.value).startswith(sentence)
+
+
+def test_trackers_are_checked_on_a_target_that_goes_right_by_a_pixel_a_picture():
+    """The red of the target, and the yellow disc in it, as the checked tracker sees them."""
+    seen = []
+
+    class Watching(Good):
+        def start(self, frame, region, state):
+            seen.append((frame, region, state))
+            super().start(frame, region, state)
+
+        def update(self, frame, ego=None):
+            seen.append((frame, None, None))
+            return super().update(frame, ego)
+
+    check_tracker(config_for(Watching))
+    _, region, state = seen[0]
+    assert (region, state) == (Region(40.0, 20.0), State(80.0, 60.0, 0.3, 1.0))
+    of_film = [frame for frame, *_ in seen[:6]]
+    assert [frame.index for frame in of_film] == list(range(6))
+    assert [frame.time for frame in of_film] == pytest.approx([0.1 * k for k in range(6)])
+    for k, frame in enumerate(of_film):
+        v, u = np.nonzero((frame.image == (30, 60, 220)).all(axis=2))
+        whole = np.argwhere((frame.image == (240, 240, 60)).all(axis=2))
+        np.testing.assert_allclose(whole.mean(axis=0), (62, 86 + k), atol=1e-9)
+        assert len(whole) == 81
+        assert (u.min(), u.max(), v.min(), v.max()) == (57 + k, 102 + k, 44, 75)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from made import Centre, config_for, features
 
-from servo.testing import BrokenContract, check_features
+from servo.testing import BrokenContract, check_features, world_parts
 from servo.testing.loop_parts import check_controller, check_estimator
 from servo.testing.world_parts import check_disturbance, check_motion, check_robot, check_target
 from servo.types import Command, Prediction
@@ -156,3 +156,32 @@ def counting(call, answer):
 def test_a_second_start_has_to_forget_the_first(check, call, answer):
     with pytest.raises(BrokenContract, match=r"^a second start did not forget the first; reset"):
         check(counting(call, answer))
+
+
+def moving(jump):
+    """A motion that is elsewhere by a jump [m] a millisecond after each time of the check."""
+    return config_for(
+        lambda rng: SimpleNamespace(
+            at=lambda t: Pose(
+                np.eye(3), np.array([0.0 if t in world_parts.TIMES else jump, 0.0, 0.0])
+            )
+        )
+    )
+
+
+def test_a_motion_may_move_by_less_than_a_centimetre_a_millisecond():
+    check_motion(moving(0.00999))
+    with pytest.raises(BrokenContract, match=r"at\(-0\.1\) jumps by 0\.01 m within a millisecond"):
+        check_motion(moving(0.01))
+
+
+@pytest.mark.parametrize(("length", "width"), [(2.0, 0.1), (0.1, 1e-3)])
+def test_an_outline_may_be_from_a_millimetre_to_two_metres(length, width):
+    def sized(a, b):
+        outline = rectangle(np.zeros(3), a, b)
+        return config_for(lambda rng: dataclasses.replace(car.Config().build(rng), outline=outline))
+
+    check_target(sized(length, width))
+    factor = 1.01 if length == 2.0 else 0.99
+    with pytest.raises(BrokenContract, match=r"its sides have to be from 0\.001 to 2"):
+        check_target(sized(length * factor, width * factor))

@@ -213,3 +213,34 @@ def test_lens_shutter_and_visible_share_work_with_it():
     with Episode(load("fisheye", changes)) as episode:
         steps = [step for step, _ in zip(episode, range(3), strict=False)]
     assert all(0.9 < step.truth.visible <= 1.0 for step in steps)
+
+
+AWAY = 1.2**0.5
+"""Distance of the lamp from the corners of the face [m]; it is 1 m above them."""
+
+
+@pytest.mark.parametrize(
+    ("light", "facing", "strength"),
+    [
+        ('type="point" exponent="0"', 1 / AWAY, 1.0),
+        ('type="point" exponent="0" attenuation="1 0.5 0.25"', 1 / AWAY, 1 / (1 + AWAY / 2 + 0.3)),
+        ('type="spot" cutoff="30" exponent="3"', 1 / AWAY, 1 / AWAY**3),
+        ('type="spot" cutoff="20" exponent="3"', 0.0, 0.0),
+        ('type="directional"', 1.0, 1.0),
+        ('type="directional" dir="-2 0 -1"', 5**-0.5, 1.0),
+    ],
+)
+def test_a_lamp_lights_a_face_by_its_distance_angle_and_cone(light, facing, strength):
+    """All four corners of the face are equally far from the lamp, which stands above its middle."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><visual><headlight active="0"/></visual><worldbody>
+        <light pos="0.2 0 1" {light} ambient="0.1 0.1 0.1" diffuse="0.6 0.4 0.2" specular="0 0 0"/>
+        <geom type="box" size="{0.1**0.5} {0.1**0.5} 0.1" pos="0.2 0 -0.1" rgba="1 1 0.5 1"/>
+        <camera name="eye" pos="0.3 0.1 2"/></worldbody></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    view = Camera(fx=160.0, fy=160.0, cx=60.0, cy=40.0, width=100, height=80)
+    image = ExactRenderer(model, "eye", view).begin(data)()
+    shown = 255 * strength * (0.1 + facing * np.array([0.6, 0.4, 0.2])) * (1, 1, 0.5)
+    np.testing.assert_allclose(image[45:50, 50:55], np.tile(shown, (5, 5, 1)), atol=1)

@@ -149,3 +149,19 @@ def test_a_contact_sheet_shows_truth_white_and_estimate_green():
     for colour, counts in ((TRUTH, (True, True)), (ESTIMATE, (False, True))):
         seen = [(np.abs(s.astype(int) - colour).max(axis=2) < 90).sum() > 60 for s in sheets]
         assert tuple(seen) == counts
+
+
+def test_the_ground_of_one_colour_has_all_shades_between_the_cars_two_tones():
+    sequence = build("camouflage", 2, gravel=0, noise=0.0)
+    image = picture(sequence, 0)
+    x, y = sequence.states[0, :2].astype(int)
+    car = image[y - 10 : y + 10, x - 20 : x + 20].reshape(-1, 3).astype(int)
+    middle = 32 * (car[0] // 32) + 16
+    ground = image[:40].reshape(-1, 3).astype(int) - middle
+    assert (ground.min(axis=0) <= -8).all()
+    assert (ground.max(axis=0) >= 7).all()
+    assert len(np.unique(ground[:, 0])) >= 16
+    every = build("camouflage", 2, gravel=0, noise=0.0)
+    whole = picture(every, 0).reshape(-1, 3).astype(int) - middle
+    counts = np.unique(whole[:, 0], return_counts=True)[1][1:-1] / len(whole)
+    np.testing.assert_allclose(counts, 1 / 18, atol=0.02)  # each as often

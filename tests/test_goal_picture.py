@@ -215,3 +215,26 @@ def test_a_policy_of_four_arguments_gets_the_camera_and_a_posture_since_the_star
     given.clear()
     list(servo.run(load("line", [*changes, "goal.depth=0.8"], controller=deep)))
     assert given[0] == pytest.approx(0.8, abs=1e-6)
+
+
+@pytest.mark.parametrize("scale", [-3.0, 0.2, 1.0])
+@pytest.mark.parametrize("size", [0.0199, 0.0201])
+def test_a_homography_of_any_scale_is_linearised_if_it_is_near_the_identity(scale, size):
+    """Exactly linear is what the linearised one is: a shift along the axis of a level plane."""
+    normal = np.array([0.0, 0.6, 0.8])
+    motion = PlaneMotion()
+    for shift in ([0.2, 0.1, 0.1], [-0.1, 0.2, 0.1], [0.1, 0.1, -0.2]):
+        motion.of(exp_so3(np.array([0.1, 0.2, 0.1])) + np.outer(shift, normal))
+    H = np.eye(3) + np.outer([0.0, 0.0, size], [0.0, 0.0, 1.0])
+    R, t, n = motion.of(scale * H)
+    if size < 0.02:
+        np.testing.assert_allclose(n, normal, atol=1e-6)  # that of before
+    else:
+        np.testing.assert_allclose(n, [0, 0, 1], atol=1e-6)
+        np.testing.assert_allclose(t, [0, 0, size], atol=1e-6)
+        np.testing.assert_allclose(R, np.eye(3), atol=1e-6)
+
+
+def test_a_plane_behind_a_camera_has_no_motion():
+    flip = np.diag([1.0, -1.0, -1.0])
+    assert PlaneMotion().of(flip + np.outer([0.1, 0.0, 0.1], [0.0, 0.0, 1.0])) is None

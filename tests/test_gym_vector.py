@@ -115,3 +115,8 @@ def test_there_is_no_window(monkeypatch):
     monkeypatch.setattr(servo.gym, "has_display", lambda: True)
     with pytest.raises(Mistake, match="n environments have no window; use 'rgb_array'"):
         many(render_mode="human")
+
+
+def test_by_default_there_is_one_environment():
+    envs = ServoVectorEnv(**SETTINGS)
+    assert (envs.num_envs, len(envs.envs), envs.action_space.shape) == (1, 1, (1, 4))

@@ -4,6 +4,8 @@ from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.csv
 import pytest
 from click.testing import CliRunner
 from gear_log import gear_log
@@ -166,3 +168,24 @@ def test_a_line_shows_that_it_is_working(path, monkeypatch):
     gear_log(path, seconds=4.0)
     CliRunner().invoke(app, ["identify", str(path), "--out", str(path.parent / "out")])
     assert shown == ["estimating delay, lag, play and noise"]
+
+
+@pytest.mark.parametrize(
+    ("least", "most", "sentence"),
+    [
+        (0.0, 1.0, ""),
+        (0.25, 1.0, ""),
+        (0.2501, 1.0, "pictures arrive 0.25 s after their stamps or later: is arrived_s on the clock of time_s?"),
+        (0.0, 1.001, "pictures arrive 0 to 1.001 s after their stamps, so arrived_s is of another clock, and the shortest wait, which is unknown, is not in latency_ms"),
+    ],
+)  # fmt: skip
+def test_waits_from_0_to_a_quarter_of_a_second_and_up_to_a_second_are_plain(
+    tmp_path, least, most, sentence
+):
+    """Rows at whole sixteenths of a second, so that waits are exact."""
+    columns = {"time_s": np.arange(1, 201) / 16, "command_x_m_s": np.sin(np.arange(200) / 5)}
+    columns |= {"joint_x_m": 0.1 * np.cos(np.arange(200) / 5)}
+    waits = np.random.default_rng(0).permutation(np.linspace(least, most, 200))
+    path = tmp_path / "log.csv"
+    pyarrow.csv.write_csv(pa.table(columns | {"arrived_s": columns["time_s"] + waits}), path)
+    assert read(path).clock == sentence

@@ -193,3 +193,37 @@ def test_what_opencv_refuses_is_unseen_once_the_model_has_worked(
         assert refused(config).startswith("OpenCV's Vit with net.onnx: ")
     else:
         assert follow(config)[0].status is Status.UNSURE
+
+
+def test_an_answer_of_opencv_counts_if_it_has_a_box_and_its_score_is_from_0_to_1(monkeypatch):
+    answers = [
+        (True, (3, 4, 1, 1)),
+        (True, (3, 4, 0, 9)),
+        (True, (3, 4, 9, 0)),
+        (False, (3, 4, 5, 6)),
+    ]
+    scores = [0.4, 1.5, -2.0, np.nan]
+
+    class Answering:
+        def init(self, image, box):
+            return True
+
+        def update(self, image):
+            return answers.pop(0)
+
+        def getTrackingScore(self):
+            return scores.pop(0)
+
+    monkeypatch.setattr(cv2_tracker, "creator_of", lambda name: Answering)
+    tracker = cv2_tracker.Cv2Tracker("MIL", (), 0)
+    picture = np.zeros((9, 9, 3), np.uint8)
+    assert tracker.init(picture, (1, 1, 5, 1))
+    with pytest.raises(
+        ValueError, match=r"^the region is 4 x 4 px; OpenCV's MIL needs a side of at"
+    ):
+        tracker.init(picture, (1, 1, 4, 4))
+    found = [tracker.update(picture) for _ in range(4)]
+    assert [seen for seen, _ in found] == [True, False, False, False]
+    assert found[0][1] == (3, 4, 1, 1)
+    assert tracker.update(np.zeros((9, 8, 3), np.uint8)) == (False, ())
+    assert [tracker.score() for _ in range(4)] == [0.4, 1.0, 0.0, 0.0]

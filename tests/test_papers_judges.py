@@ -312,3 +312,31 @@ def test_the_job_of_a_closed_loop_keeps_its_series_whole(tmp_path):
         assert found.series[TRUE][1:].tolist() == [s.target_motion_true[1] for s in steps[1:]]
         assert found.measures["servo_rms_px"] == summary.measures["servo_rms_px"]
         assert found.settings == {"estimator": "kalman_cv", "way": "short way"}
+
+
+def test_the_tuning_marks_the_first_of_the_best_settings_and_writes_all_scores(tmp_path):
+    claim = next(one for one in tuning.TUNING if one.name == "tuning-texture")
+    jobs = claim.jobs(QUICK)
+    assert len(jobs) == 2 * 6
+    errors = iter([3.0, 2.0, 1.0, 1.0, 5.0, 4.0, 0.25, 0.12346, 0.5, 0.75, 1.0, 2.0])
+    found = [replace(record, measures={"rmse_px": next(errors)}) for record in results_of(jobs)]
+    verdict = claim.judge(Evidence(found, QUICK, tmp_path))
+    head, *rows = verdict.table
+    assert head == ["tracker", "settings", "rmse_px", ""]
+    assert rows[0] == ["texture_pf", "noise 0.1, rest discard", "3", ""]
+    assert [row[3] for row in rows] == ["", "", "best", "", "", "", "", "best", "", "", "", ""]
+    assert rows[7][2] == "0.1235"
+    assert verdict.finding is Finding.UNDECIDED
+    written = tuning.TuningFile.read(tmp_path / "tuning.json")
+    assert [score for _, score in written.scores["texture_ms"]] == [0.25, 0.1235, 0.5, 0.75, 1, 2]
+    assert written.best("texture_pf") == {"noise": 0.25, "rest": "discard"}
+    assert set(written.scores) == set(tuning.TUNED)
+
+
+def results_of(jobs):
+    """A made-up record of each job."""
+    for job in jobs:
+        yield Record(
+            subject=job.subject.name, seed=0, settings=dict(job.settings), outcome="CONVERGED",
+            success=True, measures={}, versions={}, series={},
+        )  # fmt: skip

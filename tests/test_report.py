@@ -363,3 +363,21 @@ def test_measures_and_tables_are_refused_where_they_do_not_fit(make_papers, tmp_
         with pytest.raises(Mistake, match=sentence):
             write(folders, tmp_path / "page.html", printed)
     assert not (tmp_path / "page.html").exists()
+
+
+def test_a_median_over_some_of_the_runs_has_their_number(tmp_path):
+    """The last two runs of kams have no servo_rms_px, and all others no settle_s."""
+    folder = make_study(tmp_path / "study")
+    drop(folder, 6, 7)
+    keep(folder, [
+        Record(
+            number=number, subject="line", seed=number - 6, outcome="CONVERGED", success=True,
+            settings={"tracker.kind": "kams", "camera.rate": 30.0, "start.x": 1.5},
+            measures={"servo_rms_px": np.nan, "settle_s": 3.0}, series={},
+        )
+        for number in (6, 7)
+    ])  # fmt: skip
+    (compared,) = (b for b in study_section.section(folder).blocks if b.title == "Compared")
+    head, rows = compared.tables[0].head, compared.tables[0].rows
+    found = [[row[head.index(name)] for row in rows] for name in ("servo_rms_px", "settle_s")]
+    assert found == [["1.5", "4.5 (2 of 4)"], ["\u2013", "3 (2 of 4)"]]

@@ -99,6 +99,11 @@ def test_the_gain_brings_the_brightness_back_in_its_time():
     for _ in range(200):
         dark = sensor.develop([picture], 0.01)
     assert dark.max() == 16  # the gain ends at 8
+    sensor = Sensor(config, Lens(camera), np.random.default_rng(0))
+    sensor.develop([picture], 0.01)
+    for _ in range(200):
+        bright = sensor.develop([picture], 1.0)
+    assert (bright == 200 / 8).all()  # and at 1/8
 
 
 @pytest.mark.parametrize("readout_ms", [10.0, 25.0])

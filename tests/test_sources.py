@@ -8,8 +8,9 @@ from servo.mistake import Mistake
 from servo.study import suites
 from sim.files.picture_file import rgb
 from tracking.exported import Got10kTracker
-from tracking.sequences.sequence import read_all, read_folder, source_of
+from tracking.sequences.sequence import check_truth, read_all, read_folder, source_of
 from tracking.sequences.sources import Folder
+from tracking.sequences.truth import Format
 from tracking.sequences.video_file import Video
 from tracking.types import Region
 
@@ -265,3 +266,18 @@ def test_a_suite_may_name_the_format_of_its_truths(tmp_path):
         with pytest.raises(Mistake) as refused:
             entries(more)
         assert message in str(refused.value)
+
+
+def test_an_outline_of_the_first_picture_alone_is_no_sequence(tmp_path):
+    layout(tmp_path / "one", "img", 3, {"groundtruth_rect.txt": ["11,11,20,10"]})
+    with pytest.raises(ValueError) as refused:
+        read_all(tmp_path / "one", 30.0)
+    assert str(refused.value).endswith(
+        "this truth has 1 lines for 3 pictures; it needs one for each, with nan where the target is "
+        "absent"
+    )
+    source = source_of(str(tmp_path / "one"), 30.0)
+    outline = np.zeros((1, 4, 2))
+    check_truth(outline, source, "truth.txt", Format.VOT, start_is_enough=True)
+    with pytest.raises(ValueError, match="this truth has 1 lines for 3 pictures"):
+        check_truth(outline, source, "truth.txt", Format.VOT)
