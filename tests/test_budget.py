@@ -179,3 +179,31 @@ def test_the_command_writes_a_page_and_plots(tmp_path):
     names = {path.name for path in tmp_path.iterdir()}
     assert names >= {"budget.json", "budget.png", "budget.svg", "report.html"}
     assert "Left out" in (tmp_path / "report.html").read_text()
+
+
+def test_a_budget_says_how_large_each_source_is_and_where_that_is_from():
+    plan = plan_of("still", "camera.noise=2", lag=12.345)
+    words = [plan.words(source) for source in SOURCES]
+    assert words == [
+        "pf_ssd",
+        "2 grey levels (the scenario's)",
+        "2 times coarser (usual)",
+        "33.3 ms (the scenario's)",
+        "12.3 ms (stated)",
+        "1 mm, mrad (usual)",
+        "0.1 mm, mrad (usual)",
+        "1 % (usual)",
+        "3 px (usual)",
+        "0.5 deg (usual)",
+        "3 mm (usual)",
+        "10 % (usual)",
+        "1 % (usual)",
+    ]
+
+
+def test_a_magnitude_may_be_0_and_a_picture_as_fine_as_it_is():
+    assert magnitudes_of(["lag=0", "resolution=1"]) == {"lag": 0.0, "resolution": 1.0}
+    for text, least in (("lag=-0.1", 0), ("resolution=0.9", 1), ("lag=inf", 0), ("lag=x", 0)):
+        with pytest.raises(Mistake) as refused:
+            magnitudes_of([text])
+        assert str(refused.value) == f"--magnitude {text}: give a number of at least {least}"

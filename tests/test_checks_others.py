@@ -185,3 +185,35 @@ def test_an_outline_may_be_from_a_millimetre_to_two_metres(length, width):
     factor = 1.01 if length == 2.0 else 0.99
     with pytest.raises(BrokenContract, match=r"its sides have to be from 0\.001 to 2"):
         check_target(sized(length * factor, width * factor))
+
+
+def test_an_estimator_is_checked_with_gaps_and_with_errors_that_are_not_measured():
+    """Its last feature is unknown in the pictures 0, 1 and 8, and nothing is in 12 to 14."""
+    calls = []
+
+    def told(what):
+        def called(rng):
+            calls.append(what)
+            return Prediction.unmeasured(np.zeros(4), np.zeros(4))
+
+        return called
+
+    def make(rng):
+        def update(error, own, dt):
+            return told((np.isfinite(error).tolist(), error[0]))(rng)
+
+        def skip(own, dt):
+            return told(None)(rng)
+
+        return SimpleNamespace(start=lambda features: None, update=update, skip=skip)
+
+    check_estimator(config_for(make))
+    assert calls[0] is None
+    known = [call and call[0] for call in calls[1:21]]
+    some = [True, True, True, False]
+    assert known == [
+        *[some] * 2, *[[True] * 4] * 6, some, *[[True] * 4] * 3, *[None] * 3, *[[True] * 4] * 5
+    ]  # fmt: skip
+    errors = [call[1] for call in calls[1:21] if call]
+    expected = 0.01 * np.delete(np.arange(20), [12, 13, 14])
+    np.testing.assert_allclose(errors, expected, atol=5e-4)

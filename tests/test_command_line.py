@@ -91,3 +91,57 @@ def test_five_commands_to_begin_with_stand_below_the_help():
 def test_a_shell_completes_so(words, begun, found):
     shell = ShellComplete(app, {}, "servobench", "_SERVOBENCH_COMPLETE")
     assert [(c.type, c.value) for c in shell.get_completions(words, begun)] == found
+
+
+def numbers_of(command):
+    """The options of a command that are numbers: default, least and largest."""
+    found = {}
+    for option in command.params:
+        ends = getattr(option.type, "min", None), getattr(option.type, "max", None)
+        given = option.default if type(option.default) in (int, float) else None
+        if given is not None or ends != (None, None):
+            found[option.name] = (given, *ends)
+    return found
+
+
+NATURAL, COUNT, WORKERS = (0, 0, None), (None, 1, None), (2, 1, None)
+PORT, SPEED = (None, 1024, 65_534), (None, 0.01, 1000.0)
+OF_TWIN = {
+    "fov": (None, 1.0, 170.0), "along": (None, -10.0, 10.0), "rate": (30.0, 0.01, 10_000.0),
+    "begins": (None, -1e10, 1e10),
+}  # fmt: skip
+NUMBERS = {
+    "benchmark": {"workers": WORKERS},
+    "budget": {"seeds": (8, 1, None), "workers": WORKERS},
+    "check": {"seeds": (1, 1, None), "seed": NATURAL, "workers": WORKERS},
+    "compare": {"seeds": (3, 1, None), "workers": WORKERS},
+    "evaluate": {"seeds": (3, 1, None), "workers": WORKERS},
+    "papers": {"first_seed": COUNT, "workers": WORKERS},
+    "photo": {"side": (60.0, 5.0, 2000.0)},
+    "preflight": OF_TWIN,
+    "report": {"figure_width": (None, 2.0, 20.0)},
+    "run": {"seed": (None, 0, None), "speed": SPEED, "port": PORT},
+    "sweep": {"seeds": COUNT, "workers": WORKERS},
+    "track": {
+        "seed": NATURAL, "speed": SPEED, "port": PORT, "rate": (30.0, 0.01, 10_000.0),
+        "frames": (None, 1, 1_000_000_000),
+    },
+    "tune": {
+        "budget": (300, 1, None), "seeds": (8, 1, 1000), "fresh": (20, 1, None), "workers": WORKERS,
+    },
+    "twin": OF_TWIN,
+    "view": {"port": PORT, "at": (4.0, 0.0, 3600.0)},
+}  # fmt: skip
+
+
+def test_what_is_typed_without_an_option_stays_the_same():
+    """A default or a limit that changes makes a stored command give other results."""
+    found = {name: numbers_of(app.get_command(None, name)) for name in app.list_commands(None)}
+    assert {name: options for name, options in found.items() if options} == NUMBERS
+
+
+def test_options_without_a_value_are_off_unless_they_are_typed():
+    for name in app.list_commands(None):
+        for option in app.get_command(None, name).params:
+            if getattr(option, "is_flag", False):
+                assert option.default is not True, (name, option.name)

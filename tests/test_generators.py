@@ -165,3 +165,13 @@ def test_the_ground_of_one_colour_has_all_shades_between_the_cars_two_tones():
     whole = picture(every, 0).reshape(-1, 3).astype(int) - middle
     counts = np.unique(whole[:, 0], return_counts=True)[1][1:-1] / len(whole)
     np.testing.assert_allclose(counts, 1 / 18, atol=0.02)  # each as often
+
+
+def test_gravel_has_a_colour_70_levels_from_the_cars():
+    """A thousand patches cover the whole ground."""
+    gravel = build("camouflage", 2, colours="spread", gravel=1000, noise=0.0)
+    image = picture(gravel, 0).astype(float)
+    x, y = gravel.states[0, :2].astype(int)
+    car = image[y - 14 : y + 14, x - 24 : x + 24].mean(axis=(0, 1))
+    ground = image[:60].mean(axis=(0, 1))
+    assert np.linalg.norm(ground - car) == pytest.approx(70, abs=3)

@@ -9,16 +9,18 @@ import pytest
 import servo
 from servo import Mistake
 from servo.controllers._plain_law import since
+from servo.features import homography
 from servo.loop.episode import Episode
 from servo.loop.run_measures import summarise
 from servo.scenario.load import load
-from servo.sight.picture_match import alignment
+from servo.sight.picture_match import alignment, matrix_of
 from servo.sight.plane_motion import PlaneMotion
+from servo.testing._examples import DOWN, OUTLINE, seen_from
 from servo.types import CameraImage
 from sim.files.picture_name import picture_named
 from sim.geometry import exp_so3
 from sim.placement import object_pose
-from sim.types import Camera
+from sim.types import Camera, Pose
 
 TILTED = (
     "robot.kind=free",
@@ -238,3 +240,35 @@ def test_a_homography_of_any_scale_is_linearised_if_it_is_near_the_identity(scal
 def test_a_plane_behind_a_camera_has_no_motion():
     flip = np.diag([1.0, -1.0, -1.0])
     assert PlaneMotion().of(flip + np.outer([0.1, 0.0, 0.1], [0.0, 0.0, 1.0])) is None
+
+
+def test_opencvs_pixels_begin_in_the_middle_of_the_first_one():
+    np.testing.assert_array_equal(matrix_of(CAMERA), [[300, 0, 164.5], [0, 290, 117.5], [0, 0, 1]])
+    np.testing.assert_array_equal(
+        matrix_of(CAMERA, size=0.5), [[150, 0, 82], [0, 145, 58.5], [0, 0, 1]]
+    )
+
+
+def test_the_features_of_two_pictures_are_the_cameras_pose_at_the_goal():
+    """The camera has gone 4 mm to the right and 10 mm nearer, and has turned by 1.5 degrees."""
+    features = homography.Config(method="ecc").build(OUTLINE)
+    moved = Pose(exp_so3(np.array([0.0, 0.0, np.radians(1.5)])), np.array([0.004, 0.0, 0.01]))
+    still = Pose(np.eye(3), np.zeros(3))
+    sight = seen_from(DOWN @ moved, still, pixels=True)
+    np.testing.assert_allclose(
+        features.values(sight), [0.004, 0, 0.01, 0, 0, np.radians(1.5)], atol=1e-3
+    )
+    assert features.known(sight).all()
+    L = features.matrix(sight)
+    np.testing.assert_allclose(L[:3, :3], moved.rotation, atol=1e-3)
+    np.testing.assert_allclose(L[3:, 3:] @ [0, 0, 1], [0, 0, 1], atol=1e-3)
+    assert not L[:3, 3:].any()
+    assert not L[3:, :3].any()
+    there = seen_from(DOWN, still, pixels=True)
+    np.testing.assert_array_equal(features.values(replace(there, picture=there.goal.picture)), 0)
+    plain = CameraImage(np.full((240, 320, 3), 90, np.uint8), there.picture.camera)
+    lost = replace(there, picture=plain)
+    np.testing.assert_array_equal(features.values(lost), 0)
+    np.testing.assert_array_equal(features.matrix(lost), np.eye(6))
+    assert not features.known(lost).any()
+    assert features.known(replace(there, picture=None)).all()

@@ -138,3 +138,12 @@ def test_a_lag_follows_a_ramp_later_by_its_time_constant():
     times = np.arange(50) * GRID
     exact = times - 0.05 * (1 - np.exp(-times / 0.05))
     np.testing.assert_allclose(after_lag(times, 0.05), exact, atol=1e-12)
+
+
+def test_a_lag_keeps_where_a_motion_begins():
+    motion = 3.0 + np.sin(np.arange(50) / 10)
+    np.testing.assert_allclose(
+        after_lag(motion, 0.05) - 3.0, after_lag(motion - 3.0, 0.05), atol=1e-12
+    )
+    assert after_lag(motion, 0.0) is motion
+    assert after_lag(motion, GRID / 21) is motion

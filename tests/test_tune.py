@@ -11,7 +11,7 @@ from servo.scenario.draws import Draw, flat
 from servo.scenario.load import load
 from servo.tune import search as search_module
 from servo.tune import space
-from servo.tune.search import Aim, check_budget, search
+from servo.tune.search import Aim, Condition, check_budget, search
 
 BEST = 0.739085
 """The product of gain and delay at which the integral of e^2 of e' = -g e(t - d) is smallest: x = cos x."""
@@ -204,3 +204,55 @@ def test_the_command_says_where_nothing_keeps_the_conditions(tmp_path):
 def test_settings_that_the_scenario_lacks_are_a_sentence(tmp_path, settings, sentence):
     with pytest.raises(Mistake, match=sentence):
         tuned(tmp_path, settings=(settings,))
+
+
+def test_a_condition_is_broken_by_a_share_of_its_bound():
+    runs = [{"effort_rms_mm_s": 45.0}, {"effort_rms_mm_s": 30.0}, {}, {"effort_rms_mm_s": np.inf}]
+    at_most, at_least = (Condition.read(f"effort_rms_mm_s{sign}40") for sign in ("<=", ">="))
+    assert at_most.excess(runs).tolist() == [0.125, -0.25, 10.0, 10.0]
+    assert at_least.excess(runs).tolist() == [-0.125, 0.25, 10.0, 10.0]
+    assert Condition.read("effort_rms_mm_s<=0").excess(runs[:1]).tolist() == [45.0]
+    assert Condition.read("effort_rms_mm_s>=-20").excess(runs[:1]).tolist() == [-3.25]
+
+
+def test_a_score_is_what_is_broken_and_missing_and_the_mean_of_the_others():
+    aim = Aim.read("servo_rms_px", ["effort_rms_mm_s<=40", "success_rate>=1"])
+    one = {"servo_rms_px": 2.0, "effort_rms_mm_s": 60.0, "success_rate": 1.0}
+    other = {"servo_rms_px": 5.0, "effort_rms_mm_s": 40.0, "success_rate": 0.0}
+    assert aim.score([one, other]) == (0.25 + 0.5, 3.5)
+    lost = {"success_rate": 1.0, "effort_rms_mm_s": 0.0}
+    assert aim.score([one, lost]) == (10 * 0.5, 2.0)
+    assert aim.score([lost, lost]) == (10.0, np.inf)
+
+
+def test_settings_are_worse_if_a_paired_test_is_sure():
+    """Of differences 1, 2 and 3: t = 2 / (1 / sqrt(3)) = 3.46, and 2.92 is the quantile."""
+
+    def runs(*errors):
+        return [{"servo_rms_px": error} for error in errors]
+
+    aim = Aim.read("servo_rms_px", ())
+    best = runs(1.0, 1.0, 1.0, 9.0)
+    assert aim.is_worse(runs(2.0, 3.0, 4.0), best)
+    assert not aim.is_worse(runs(1.5, 3.0, 4.5), best)  # t = 2 / (1.5 / sqrt(3)) = 2.31
+    assert not aim.is_worse(runs(1.0, 1.0), best)
+    assert not aim.is_worse(runs(0.0, -1.0, -2.0), best)
+    bounded = Aim.read("servo_rms_px", ["servo_rms_px<=0.5"])
+    assert not bounded.is_worse(runs(2.0, 3.0, 4.0), best)  # the best breaks the condition
+
+
+def test_a_budget_is_enough_for_five_candidates():
+    check_budget(40, 8)
+    with pytest.raises(Mistake) as refused:
+        check_budget(39, 8)
+    assert str(refused.value) == (
+        "--budget 39: this is too small: with 8 seeds give at least 40 runs, for the settings as "
+        "they are and 4 others"
+    )
+
+
+def test_a_search_uses_its_whole_budget():
+    for budget, most in ((10, 10), (11, 10), (14, 14)):
+        tried, _ = found(Aim.read("servo_rms_px", ()), budget, seeds=[1, 2])
+        assert sum(len(one.runs) for one in tried) == most
+        assert len(tried) == most // 2
