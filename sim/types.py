@@ -212,15 +212,16 @@ class Posture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """One picture of the camera, RGB (H, W, 3), with its time [s] and its number. Depths along the
-    optical axis (H, W) [m], nan or 0 where unknown, are given if the camera measures them. If the
-    camera delivered no new picture, the frame holds the last one again, and `fresh` is False.
+    """One picture of the camera, RGB (H, W, 3), with its number from 0 and its time [s]: simulated,
+    since the first picture of a recording, or a real camera's stamp. Depths along the optical axis
+    (H, W) [m], nan or 0 where unknown, are given if the camera measures them. If the camera
+    delivered no new picture, `fresh` is False: the picture is the last one again, at a new time.
     """
 
     image: Image
     """The picture, RGB (H, W, 3), read-only."""
     time: float
-    """Simulated time [s]."""
+    """Time of the picture [s]."""
     index: int
     """Number of the frame, from 0."""
     fresh: bool = True

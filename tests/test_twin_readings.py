@@ -215,8 +215,8 @@ def test_a_file_of_stamps_gives_a_film_its_times(tmp_path):
 @pytest.mark.parametrize(
     ("times", "sentence"),
     [
-        ([], "time_s is empty or does not increase from row to row"),
-        ([1.0, 1.0, 2.0], "time_s is empty or does not increase from row to row"),
+        ([], "the column time_s is empty, has an empty cell or does not increase"),
+        ([1.0, 1.0, 2.0], "the column time_s is empty, has an empty cell or does not increase"),
         ([1.0, 2.0], "2 stamps for 3 pictures of {folder}"),
     ],
 )

@@ -174,7 +174,10 @@ class Plan:
         for i, (name, wrong) in enumerate(self.cells(sources).items()):
             done = [record for record in records[i * count : (i + 1) * count] if record]
             if not done:
-                raise Mistake(f"every run with {name} fails: the folder failures says why")
+                raise Mistake(
+                    f"every run of the budget's row '{name}' fails: files in the folder failures "
+                    "of the results say why"
+                )
             scale = self.magnitude(known[RESOLUTION]) if known.get(RESOLUTION) in wrong else 1.0
             squares[name] = np.mean([np.square(_errors(record, scale)) for record in done], axis=0)
             success = f"{sum(record.success for record in done)} of {count}"

@@ -98,8 +98,9 @@ class _Measured:
 class Ibvs:
     """Controller that commands the camera twist v = -lambda L# e - L# de/dt + (I - L# L) z after
     each picture: e is the feature error, de/dt its rate by the target's own motion, L# the weighted
-    pseudo-inverse of the interaction matrix L, and z the twist of secondary tasks. `guard` limits
-    the twist further, such as by the joints' ranges; None: only by speed and acceleration.
+    pseudo-inverse of the interaction matrix L, and z the twist of secondary tasks. Joints that
+    would leave their ranges are held, and the others compensate. `guard` limits the twist further,
+    such as to keep the target in view; None: beyond that only speed and acceleration are limited.
     """
 
     def __init__(self, config: LawSettings, guard: Guard | None = None) -> None:

@@ -37,8 +37,9 @@ def figure(curves: RunCurves, title: str) -> Drawing:
 
 
 def draw(curves: RunCurves, title: str, folder: Path) -> list[Path]:
-    """Write two figures of a run into a folder: `motion_figure` as target_motion.png and
-    `error_figure` as errors.png, both with this title. Return their paths in this order.
+    """Write two figures of a run into a folder, which is made if it does not exist: the target's
+    own motion as target_motion.png, and the errors as errors.png, both over time. Their titles
+    begin with `title`. Return their paths in this order.
 
     Raises:
         OSError: A file cannot be written.

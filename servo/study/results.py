@@ -174,8 +174,9 @@ class Compared:
     @property
     def cells(self) -> list[object]:
         """Return this comparison as a row of a table: first and second value of the axis, kind of
-        the independent observations (such as "seed"), wins, losses and ties of the first value,
-        test statistic z, p value, and p value after Holm's correction.
+        the independent observations (such as "seed"), wins, losses and ties of the first value
+        (numbers of such observations), statistic z (at least 0) and exact p value of McNemar's
+        test, and that p value after Holm's correction.
         """
         t = self.test
         return [self.first, self.second, self.unit, t.wins, t.losses, t.ties, t.z, t.p, self.p_holm]

@@ -270,7 +270,10 @@ def film(
     except (OSError, pa.ArrowException) as error:
         raise Mistake(f"{stamps}: cannot read these stamps: {error}") from None
     if not (len(times) and np.all(np.diff(times) > 0)):
-        raise Mistake(f"{stamps}: time_s is empty or does not increase from row to row")
+        raise Mistake(
+            f"{stamps}: the column time_s is empty, has an empty cell or does not increase: sort "
+            "or correct its rows"
+        )
     if source.count is not None and source.count != len(times):
         raise Mistake(f"{stamps}: {len(times)} stamps for {source.count} pictures of {text}")
     return source, _stamped(source, times)

@@ -64,7 +64,9 @@ them for ever, so by default there are none; pictures of 320 x 240 px lose no ti
 
 
 class NoRenderer(RuntimeError):
-    """Error: this process cannot render off screen; the message gives the reason and the remedy."""
+    """Error: this process cannot render by OpenGL, which the exact renderer does not need; the
+    message gives the reason and the remedy.
+    """
 
 
 def backend() -> str:

@@ -2,8 +2,9 @@
 kinematics, such as the joint rates for a camera twist, for any chain of velocity-driven joints.
 
 Joints, limits and actuators are read from the robot's MuJoCo model. There every actuator is a
-`velocity` servo of one joint, and the camera's optical centre is the site `eye`. A model that is
-built otherwise is refused, because its robot would not move as commanded.
+`velocity` servo of one joint, and the site `eye` is the robot's hand: the optical centre of a
+camera that it carries. A model with other actuators is refused, because its robot would not move
+as commanded.
 """
 
 from collections.abc import Sequence

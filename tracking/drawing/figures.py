@@ -64,8 +64,8 @@ def literal(text: str) -> str:
 
 
 def save(figure: Figure, folder: Path, name: str) -> Path:
-    """Write a figure as a PNG file with a name into a folder, which is made if it does not exist,
-    and return the file's path.
+    """Write a figure as a PNG file into a folder, which is made if it does not exist, and return
+    the file's path; an older file is replaced. `name` is the file's name, such as "errors.png".
 
     Raises:
         OSError: The file cannot be written.

@@ -24,8 +24,8 @@ def box_of(region: Region, state: State, image: Image) -> Box:
 
 def exact_box(region: Region, state: State, image: Image) -> Array:
     """Return the upright box (4,) of left, top, width, height [px] around a region at a state, cut
-    off at the borders of the image (H, W, 3), and rounded to a millionth of a pixel; sides of a box
-    outside the image are 0.
+    off at the borders of the image (H, W, 3), and rounded to a millionth of a pixel. A box beside
+    the image has the width 0, one above or below it the height 0.
     """
     corners = region.corners(state)
     height, width = image.shape[:2]

@@ -32,9 +32,10 @@ LARGEST_SIDE = 800
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """A mesh of m triangles, each with three vertices of its own: points and outward normals (3 m,
-    3), points in the shape's frame [m]; with a texture (`picture`, RGB, at coordinates `uv` from 0
-    to 1), or in one colour.
+    """A mesh of m triangles, each with three vertices of its own: points (3 m, 3) [m] in the
+    shape's frame, and outward normals (3 m, 3). With a texture `picture`, RGB (h, w, 3), the
+    vertices have coordinates `uv` (3 m, 2) in it: 1 is its whole width or height, and it repeats
+    beyond. Without a texture (None), the mesh has one colour.
     """
 
     vertices: Array
@@ -42,7 +43,8 @@ class Surface:
     normals: Array
     """Directions (3 m, 3) that point outwards."""
     uv: Array | None = None
-    """Texture coordinates of the vertices (3 m, 2): 0..1 from the picture's left and top."""
+    """Texture coordinates of the vertices (3 m, 2), from the picture's left and top; 1 is its whole
+    width or height, and it repeats beyond."""
     picture: Image | None = None
     """Texture, RGB (h, w, 3); None: the mesh has one colour."""
 
