@@ -68,7 +68,10 @@ def test_worlds_are_balanced_within_each_condition(public):
             if isinstance(low, int):
                 continue  # numbers of things, which are rounded
             parts = [(w.settings[key] - low) / (high - low) * len(worlds) for w in worlds]
-            assert sorted(np.floor(np.clip(parts, 0, len(worlds) - 1e-3))) == [*range(len(worlds))]
+            rounded = 2e-6 / (high - low) * len(worlds)
+            beyond = np.sort(parts) - np.arange(len(worlds))
+            assert beyond.min() >= -rounded
+            assert beyond.max() <= 1 + rounded
         for factor, levels in condition.factors.items():
             counts = [sum(w.levels[factor] == level for w in worlds) for level in levels]
             assert max(counts) - min(counts) <= 1
@@ -753,7 +756,7 @@ def test_home_rows_are_grey_and_guests_are_named(public):
     assert full == (guests or {of[0] for of in table.rows})
     (section,) = [benchmark_section.published_section(public.name)]
     keys = {key.label for key in section.blocks[0].figures[0].keys}
-    numbers = {"servo-v1": 12, "goal-v1": 7}
+    numbers = {"servo-v1": 12, "goal-v1": 6}
     assert keys == {*guests, "still", "truth"} if guests else len(keys) == numbers[public.name]
 
 

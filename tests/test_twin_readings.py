@@ -6,6 +6,7 @@ import csv
 
 import cv2
 import numpy as np
+import pyarrow as pa
 import pytest
 from click.testing import CliRunner
 
@@ -17,7 +18,15 @@ from servo.loop.episode import Episode
 from servo.scenario.load import load
 from servo.twin import offset
 from servo.twin.corrections import Kind, Smooth, motion
-from servo.twin.readings import clock_of, command_log, film, hand_log, is_camera, kinematics
+from servo.twin.readings import (
+    clock_of,
+    command_log,
+    film,
+    hand_log,
+    is_camera,
+    kinematics,
+    log_table,
+)
 from sim.models.quaternion import quaternion_of
 
 POSES = ("hand_x_m", "hand_y_m", "hand_z_m", "hand_qx", "hand_qy", "hand_qz", "hand_qw")
@@ -46,9 +55,13 @@ def written(folder, columns, name="log.csv"):
     return path
 
 
+def read(path, scenario):
+    return hand_log(log_table(path, scenario, None, None), path, scenario)
+
+
 def refused(folder, columns, scenario=None):
     with pytest.raises(Mistake) as caught:
-        hand_log(written(folder, columns), scenario)
+        read(written(folder, columns), scenario)
     return str(caught.value).removeprefix(f"{folder / 'log.csv'}: ")
 
 
@@ -56,7 +69,7 @@ def test_a_log_of_poses_is_read_on_an_even_grid(tmp_path):
     columns = poses()
     columns["hand_y_m"] = np.where(EVEN == 2, np.nan, 0.5)
     columns["hand_qw"] = np.where(EVEN < 4, 1.0, -1.0)
-    log = hand_log(written(tmp_path, columns), None)
+    log = read(written(tmp_path, columns), None)
     assert (log.smooth.kind, log.smooth.names, log.smooth.poses_of) == (Kind.POSES, POSES, None)
     assert log.interval == pytest.approx(0.02)
     np.testing.assert_allclose(log.smooth.times, np.arange(0, 8, 0.005), atol=1e-9)
@@ -67,11 +80,12 @@ def test_a_log_of_poses_is_read_on_an_even_grid(tmp_path):
 def test_a_log_may_have_the_cameras_poses_or_twists(tmp_path):
     columns = {name.replace("hand", "camera"): column for name, column in poses().items()}
     path = written(tmp_path, columns)
-    assert hand_log(path, None).smooth.names[0] == "camera_x_m"
-    assert is_camera(path, None)
-    assert not is_camera(written(tmp_path, poses()), None)
+    assert read(path, None).smooth.names[0] == "camera_x_m"
+    assert is_camera(log_table(path, None, None, None), path, None)
+    path = written(tmp_path, poses())
+    assert not is_camera(log_table(path, None, None, None), path, None)
     twists = {f"measured_{name}": np.sin(EVEN) for name in TWISTS}
-    smooth = hand_log(written(tmp_path, {"time_s": EVEN} | twists), None).smooth
+    smooth = read(written(tmp_path, {"time_s": EVEN} | twists), None).smooth
     assert (smooth.kind, smooth.names) == (Kind.TWISTS, tuple(twists))
     np.testing.assert_allclose(smooth.values[800], np.sin([4.0] * 6), atol=1e-3)
 
@@ -82,9 +96,9 @@ NEAR = np.append(np.arange(39) / 16, 4.0)
 
 def test_a_log_may_be_as_short_as_40_rows_and_4_s_and_as_long_as_600_s(tmp_path):
     for times in (NEAR, np.append(EVEN, 600.0), np.arange(100) * 0.0999):
-        assert hand_log(written(tmp_path, poses(times)), None).smooth.times[0] == 0
+        assert read(written(tmp_path, poses(times)), None).smooth.times[0] == 0
     at_limits = poses(hand_x_m=np.where(EVEN == 2, 1e6, 0.0), hand_qw=0.0 * EVEN + 1.09)
-    assert hand_log(written(tmp_path, at_limits), None).smooth.values[0, 6] == pytest.approx(1)
+    assert read(written(tmp_path, at_limits), None).smooth.values[0, 6] == pytest.approx(1)
 
 
 @pytest.mark.parametrize(
@@ -154,10 +168,11 @@ def test_joints_become_the_cameras_poses_by_the_scenarios_robot(tmp_path):
     np.testing.assert_allclose(pose, [*posture.T_base_camera.translation, *vector, w], atol=1e-9)
     columns = dict.fromkeys(names, 0.01 * EVEN) | {"time_s": EVEN}
     path = written(tmp_path, columns)
-    smooth = hand_log(path, "line").smooth
+    smooth = read(path, "line").smooth
     assert (smooth.kind, smooth.names) == (Kind.JOINTS, tuple(names))
-    assert is_camera(path, "line")
-    np.testing.assert_array_equal(stated_mount(Given(path, "", "line")).rotation, np.eye(3))
+    assert is_camera(log_table(path, "line", None, None), path, "line")
+    given = Given(path, "", "line")
+    np.testing.assert_array_equal(stated_mount(given, given.table()).rotation, np.eye(3))
     del columns[names[0]]
     assert refused(tmp_path, columns, "line") == (
         f"the robot of 'line' has joints that the log lacks: {names[0]}"
@@ -169,7 +184,7 @@ def test_a_log_of_poses_and_commands_gets_its_measured_twists(tmp_path):
     columns |= {f"command_{name}": 0.0 * EVEN for name in TWISTS}
     columns["command_vx_m_s"] = 0.04 * np.cos(2 * EVEN)
     path = written(tmp_path, columns)
-    log = command_log(path, motion(hand_log(path, None).smooth))
+    log = command_log(log_table(path, None, None, None), path, motion(read(path, None).smooth))
     [channel] = [each for each in log.channels if each.name == "vx"]
     np.testing.assert_allclose(channel.command.values[100], 0.04 * np.cos(4), atol=1e-6)
     np.testing.assert_allclose(log.interval, 0.02)
@@ -215,8 +230,16 @@ def test_a_file_of_stamps_gives_a_film_its_times(tmp_path):
 @pytest.mark.parametrize(
     ("times", "sentence"),
     [
-        ([], "the column time_s is empty, has an empty cell or does not increase"),
-        ([1.0, 1.0, 2.0], "the column time_s is empty, has an empty cell or does not increase"),
+        (
+            [],
+            "the column time_s is empty, has an empty cell or does not increase: "
+            "sort or correct its rows",
+        ),
+        (
+            [1.0, 1.0, 2.0],
+            "the column time_s is empty, has an empty cell or does not increase: "
+            "sort or correct its rows",
+        ),
         ([1.0, 2.0], "2 stamps for 3 pictures of {folder}"),
     ],
 )
@@ -259,8 +282,9 @@ def test_the_page_says_which_command_repeats_it(tmp_path):
     assert made(Given(tmp_path / "log.csv", "film.mp4"), "twin", on="line").command == (
         f"servobench twin {words} --rate 30.0 --on line"
     )
-    np.testing.assert_allclose(stated_mount(given).lever, [0.5, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(stated_mount(given).rotation[2], [0, 1, 0], atol=1e-9)
+    mount = stated_mount(given, pa.table({}))
+    np.testing.assert_allclose(mount.lever, [0.5, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(mount.rotation[2], [0, 1, 0], atol=1e-9)
 
 
 def test_the_wiggle_is_a_file_of_twists(tmp_path):

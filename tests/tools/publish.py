@@ -66,7 +66,7 @@ def _block(name: str, rendering: str, rows: list[Row], most: int | None) -> str:
     head = [table.head[c] for c in columns]
     few = [[table.rows[i][c] for c in columns] for i in shown]
     which = f", {len(guests)} of them by other authors" if guests else ""
-    text = f"{name}: {most} of {len(table.rows)} contestants{which}."
+    text = f"{name}: {len(shown)} of {len(table.rows)} contestants{which}."
     return f"{text}\n\n{markdown(Table(head, few, range(1)))}\n"
 
 
