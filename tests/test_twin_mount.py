@@ -1,4 +1,6 @@
-"""The mount, the clock and the plane that fit followed points, by points without noise."""
+"""The mount, the clock and the plane that fit followed points, and what of a log is known to be wrong,
+by points without noise.
+"""
 
 from dataclasses import replace
 
@@ -7,6 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from servo.twin import mount as mounts
+from servo.twin.compare import rough_begin
+from servo.twin.corrections import MIRRORED, Kind, Smooth, rates
+from servo.twin.diagnosis import corrected, diagnose, floor_of
 from servo.twin.mount import fitted, start
 from servo.twin.offset import affine_flows, curve_of, explained
 from servo.twin.robot_motion import RobotMotion
@@ -108,3 +113,55 @@ def test_a_wrong_focal_length_is_found_where_the_lever_is_known(motion, tracks):
 
 def test_a_film_outside_of_the_log_fits_nothing(motion, tracks):
     assert fitted(motion, tracks, replace(started(motion, tracks), offset=20.0)).cost == np.inf
+
+
+def log(motion, factor=1.0):
+    """A log of the hand's poses, with lengths times a factor."""
+    values = np.hstack([factor * motion.positions, motion.turns])
+    return Smooth(Kind.POSES, motion.times, values, ())
+
+
+@pytest.mark.parametrize(
+    ("factor", "mistakes"), [(1.0, []), (1000.0, ["lengths are in millimetres"])]
+)
+def test_only_the_distance_of_the_scene_shows_millimetres(motion, tracks, factor, mistakes):
+    notes = []
+    found = diagnose(log(motion, factor), tracks, OFFSET, None, notes.append, search=False)
+    assert [each.mistake for each in found.best.corrections] == mistakes
+    assert (found.is_clean, found.others, len(notes)) == (not mistakes, [], 1)
+    assert found.as_it_is is found.best
+    assert found.best.mount.depth == pytest.approx(DEPTH, rel=0.05)
+    np.testing.assert_allclose(found.best.mount.rotation, TURN.as_matrix(), atol=0.02)
+
+
+def test_a_mirrored_film_and_one_of_another_rate_are_taken_back(motion, tracks):
+    wrong = replace(
+        tracks,
+        times=tracks.times[0] + (tracks.times - tracks.times[0]) / 2,
+        before=tracks.before * (-1, 1),
+        after=tracks.after * (-1, 1),
+    )
+    half = next(each for each in rates() if each.stretch == 2)
+    given = (MIRRORED, half)
+    film = corrected(wrong, given)
+    np.testing.assert_allclose(film.times, tracks.times)
+    np.testing.assert_array_equal(film.after, tracks.after)
+    found = diagnose(log(motion), wrong, None, None, lambda _: None, surely=given, search=False)
+    assert found.best.corrections == given
+    np.testing.assert_allclose(found.best.mount.rotation, TURN.as_matrix(), atol=0.02)
+
+
+@pytest.mark.parametrize("begins", [0.0, 0.4])
+def test_a_film_without_stamps_begins_where_the_motion_fits_best(motion, tracks, begins):
+    """It begins `begins` later than its own clock says, 1 s after the log."""
+    shifted = replace(tracks, times=tracks.times - tracks.times[0])
+    late = replace(motion, times=motion.times + begins)
+    found = rough_begin(replace(log(motion), times=late.times), shifted)
+    assert found == pytest.approx(1.0 + OFFSET + begins, abs=0.02)
+
+
+def test_a_film_of_random_points_has_the_floor_of_its_noise(tracks):
+    """A plane's motion has eight numbers: random steps of 1 px are not explained by it."""
+    noise = np.random.default_rng(0).normal(0, 1 / FOCAL, tracks.after.shape)
+    assert floor_of(tracks) < 0.01
+    assert floor_of(replace(tracks, after=tracks.after + noise)) == pytest.approx(2.2, abs=0.4)
