@@ -165,3 +165,13 @@ def test_a_film_of_random_points_has_the_floor_of_its_noise(tracks):
     noise = np.random.default_rng(0).normal(0, 1 / FOCAL, tracks.after.shape)
     assert floor_of(tracks) < 0.01
     assert floor_of(replace(tracks, after=tracks.after + noise)) == pytest.approx(2.2, abs=0.4)
+
+
+def test_a_clock_that_drifts_has_its_offset_in_the_middle_of_the_film(motion, tracks):
+    """The film's clock runs 2 ms a second too slowly, about the middle."""
+    middle = (tracks.times[0] + tracks.times[-1]) / 2
+    slow = replace(tracks, times=middle + (tracks.times - middle) / 1.002)
+    found = fitted(motion, slow, replace(started(motion, slow), drift=0.0), (mounts.FOCAL,))
+    assert found.drift == pytest.approx(2e-3, abs=2e-4)
+    assert found.offset == pytest.approx(OFFSET, abs=1e-3)
+    assert abs(found.drift - 2e-3) < found.halves[mounts.DRIFT]
