@@ -16,7 +16,7 @@ from servo.scenario.load import load
 from servo.sight.picture_match import alignment, matrix_of
 from servo.sight.plane_motion import PlaneMotion
 from servo.testing._examples import DOWN, OUTLINE, seen_from
-from servo.types import CameraImage
+from servo.types import CameraImage, Plane
 from sim.files.picture_name import picture_named
 from sim.geometry import exp_so3
 from sim.placement import object_pose
@@ -264,6 +264,9 @@ def test_the_features_of_two_pictures_are_the_cameras_pose_at_the_goal():
     np.testing.assert_allclose(L[3:, 3:] @ [0, 0, 1], [0, 0, 1], atol=1e-3)
     assert not L[:3, 3:].any()
     assert not L[3:, :3].any()
+    near = replace(sight, goal=replace(sight.goal, plane=Plane(0.0, 0.0, 2.0)))
+    found = homography.Config(method="ecc").build(OUTLINE).values(near)
+    np.testing.assert_allclose(found[:3], [0.002, 0, 0.005], atol=5e-4)
     there = seen_from(DOWN, still, pixels=True)
     np.testing.assert_array_equal(features.values(replace(there, picture=there.goal.picture)), 0)
     plain = CameraImage(np.full((240, 320, 3), 90, np.uint8), there.picture.camera)

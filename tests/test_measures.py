@@ -288,3 +288,20 @@ def test_a_camera_that_stays_half_a_turn_from_its_goal_is_measured():
     assert report.measures["end_rotation_deg"] == pytest.approx(180, abs=1e-6)
     assert report.measures["camera_path_m"] == pytest.approx(0, abs=1e-6)
     assert report.measures["out_of_view_pct"] == 0
+
+
+def test_corners_on_the_border_of_the_picture_are_in_view(steps):
+    camera = steps[0].scene.camera
+    border = np.array(
+        [[0, 0], [camera.width, 0], [camera.width, camera.height], [0, camera.height]]
+    )
+
+    def seen(corners):
+        made = [replace(s, truth=replace(s.truth, corners=corners)) for s in steps]
+        return report(made).measures["out_of_view_pct"]
+
+    assert seen(border.astype(float)) == 0
+    for k, axis, way in ((0, 0, -1), (0, 1, -1), (2, 0, 1), (2, 1, 1)):
+        beyond = border.astype(float)
+        beyond[k, axis] += 1e-6 * way
+        assert seen(beyond) == 100

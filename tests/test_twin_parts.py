@@ -253,6 +253,17 @@ def test_swings_begin_by_seed_0_and_size_1():
     assert not np.allclose(swings(units, times, 1), swings(units, times))
 
 
+def test_the_wiggle_is_the_same_whenever_it_is_written():
+    """A robot that has played it once, slowly and with care, plays it again."""
+    times, values = rates(("m", "rad"))
+    np.testing.assert_array_equal(times, np.arange(1501) / 50)
+    np.testing.assert_allclose(
+        values[[50, 400, 1000, 1450]],
+        [[0.009686, 0.062196], [0.033419, 0.131744], [-0.003663, -0.067569], [-0.049567, 0.012481]],
+        atol=1e-6,
+    )
+
+
 def mount(**changes):
     halves = np.array([1e-3, *[0.01] * 3, *[2e-3] * 3, 0.0, 0.0, *[0.01] * 3])
     plain = Mount(
