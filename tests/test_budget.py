@@ -156,7 +156,7 @@ def test_contributions_are_what_a_source_adds():
     )
     assert table(parts).rows[-2][2] == "13"
     assert len(picture(parts).keys) == 4
-    with pytest.raises(Mistake, match="every run with nothing wrong fails"):
+    with pytest.raises(Mistake, match="every run of the budget's row 'nothing wrong' fails"):
         plan.parts(sources, [None] * 10, 300.0)
 
 
