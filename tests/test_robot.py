@@ -126,6 +126,20 @@ def test_a_pose_is_reached_up_to_the_limits_of_the_joints_and_not_beyond(robot, 
     assert not reach(machine, data, far)
 
 
+@pytest.mark.parametrize(
+    "joints",
+    [
+        (-0.34884914, -0.79779541, 1.45782922, -0.70580543, -0.22498014, 2.92626523),
+        (-0.3198438, -0.87600716, 1.61800374, -0.74225878, -0.27581517, 3.19487156),
+        (0.34880187, -0.62118884, 1.23810459, -0.54689506, -0.06332542, -2.80806771),
+    ],
+)
+def test_a_pose_in_the_middle_of_the_arms_ranges_is_found(joints):
+    """Quadratic programs alone ended half a metre beside it, from everywhere."""
+    machine, model, data = built(arm)
+    assert reach(machine, data, pose_at(model, data, joints))
+
+
 def test_the_wrist_turns_without_end_and_the_axes_do_not(robot):
     machine, _, _ = robot
     assert machine.names == ("x", "y", "z", "yaw", "pitch", "roll")

@@ -28,7 +28,10 @@ ENOUGH = 8
 MOST_WAYS = 40
 """Largest number of postures from which a path is predicted."""
 OUT_OF_REACH = 0.5
-"""If all quadratic programs end farther from a pose [m and rad], least squares are not tried."""
+"""If all quadratic programs end farther from a pose [m and rad], it is hardly in reach: least
+squares begin at the first `FAR_STARTS` positions only."""
+FAR_STARTS = 8
+"""Number of these positions: the first one found five poses that quadratic programs missed."""
 SEARCH_STEPS = 60
 """Most steps from one start."""
 NEAR = 1e-3
@@ -216,8 +219,9 @@ def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> list[Arr
     found: list[tuple[float, Array]] = []
     nearest: tuple[float, Array] = np.inf, np.array(starts[0])
     # First all quadratic programs, then, only if none succeeds, all slower least-squares fits.
-    for walk, start in product((_descend, _fit), starts):
-        if len(found) == ENOUGH or (walk is _fit and (found or nearest[0] > OUT_OF_REACH)):
+    for walk, (number, start) in product((_descend, _fit), enumerate(starts)):
+        is_far = nearest[0] > OUT_OF_REACH and number >= FAR_STARTS
+        if len(found) == ENOUGH or (walk is _fit and (found or is_far)):
             break
         left = walk(robot, data, start, T_world_camera)
         q = data.qpos[robot.qpos].copy()
