@@ -290,6 +290,15 @@ def test_a_camera_that_stays_half_a_turn_from_its_goal_is_measured():
     assert report.measures["out_of_view_pct"] == 0
 
 
+def test_the_turns_of_a_camera_add_up():
+    changes = ["start={}", "start.angle_deg=60", "run.duration=6", "expect={}"]
+    _, report = measured_run(load("small_hybrid", changes))
+    left = report.measures["end_rotation_deg"]
+    assert report.measures["camera_turn_deg"] == pytest.approx(60 - left, abs=0.02)
+    # Half the diagonal of 0.2 m, 1 m away, at 600 px.
+    assert report.measures["excursion_px"] == pytest.approx(60 * np.sqrt(2), abs=0.01)
+
+
 def test_corners_on_the_border_of_the_picture_are_in_view(steps):
     camera = steps[0].scene.camera
     border = np.array(

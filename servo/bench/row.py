@@ -47,8 +47,10 @@ MEASURES = (
     "end_rotation_deg",
     "settle_s",
     "camera_path_m",
+    "camera_turn_deg",
     "retreat_m",
     "out_of_view_pct",
+    "excursion_px",
 )
 """Measures of a law's row, median over its worlds."""
 

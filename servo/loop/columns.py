@@ -150,6 +150,7 @@ NUMBERS: dict[str, Callable[[Step], object]] = {
     "joints": lambda s: s.posture.joints,
     "age": lambda s: s.age,
     "camera": lambda s: s.T_object_camera.translation,
+    "orientation": lambda s: s.T_object_camera.rotation,
     "carried": _carried,
     "corners": lambda s: s.truth.corners,
     "command": lambda s: s.command.twist,

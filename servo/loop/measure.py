@@ -114,9 +114,12 @@ MEASURES = {
         ),
         Measure("camera_path_m", "m", "path length of the camera, seen from the target"),
         Measure(
+            "camera_turn_deg", "deg", "turns of the camera, seen from the target, sum of all frames"
+        ),
+        Measure(
             "detour_m",
             "m",
-            "this length, less the straight line from its start to its end",
+            "camera_path_m, less the straight line from its start to its end",
             signed=True,
         ),
         Measure(
@@ -132,6 +135,11 @@ MEASURES = {
             "%",
             "frames in which a corner of the target was outside the picture",
             share=True,
+        ),
+        Measure(
+            "excursion_px",
+            "px",
+            "corner of the target from the middle of the picture, largest distance",
         ),
         Measure(
             "end_position_mm", "mm", "camera against its goal, seen from the target, at the end"

@@ -123,6 +123,8 @@ def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: fl
         "age_ms": 1e3 * np.mean(_where(run["other_picture"], run["age"])),
         "skipped_pct": 100 * final[-1].skipped / len(run),
         **_path_measures(run["camera"], final[-1]),
+        "camera_turn_deg": np.degrees(sum(map(angle_of, _turns(run["orientation"])))),
+        "excursion_px": _excursion(run),
         "out_of_view_pct": 100 * float(np.mean(run["out_of_view"])),
         "step_ms": 1e3 * float(np.median(timed(run).sum(axis=1))),
     }
@@ -146,6 +148,18 @@ def timed(run: Columns) -> Array:
 def _where(flags: NDArray[np.bool_], values: Array) -> Array:
     """Return the rows of an array (n, ...) whose flag (n,) is True; all rows if no flag is True."""
     return values[flags] if flags.any() else values
+
+
+def _turns(orientations: Array) -> Array:
+    """Return the rotations (n - 1, 3, 3) from each of n orientations (n, 3, 3) to the next one."""
+    return orientations[:-1].transpose(0, 2, 1) @ orientations[1:]
+
+
+def _excursion(run: Columns) -> float:
+    """Return the largest distance of a corner of the target from the middle of the picture [px]."""
+    camera = run.first.scene.camera
+    middle = np.array([camera.width, camera.height]) / 2
+    return float(np.linalg.norm(run["corners"] - middle, axis=-1).max())
 
 
 def _rms(values: Array) -> float:

@@ -29,10 +29,12 @@ COLUMNS = {
     "deg": "end_rotation_deg",
     "s": "settle_s",
     "m": "camera_path_m",
+    "turned deg": "camera_turn_deg",
     "back m": "retreat_m",
     "out": "out_of_view_pct",
+    "farthest px": "excursion_px",
 }
-"""Columns of a law's table: measures of its row."""
+"""Columns of a law's table: measures of its row. Older rows do not have all."""
 
 
 def section(folder: Path, study: StudyFile) -> Section:
@@ -178,6 +180,7 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
     """
     is_loop = benchmark.score == "held"
     head = ("contestant", "division", "score", "held" if is_loop else "arrived", "rank", "P")
+    columns = ["slowest"] if is_loop else _columns(rows)
     table = standings(rows)
     found = [
         [
@@ -187,7 +190,7 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
             f"{100 * standing.held.value:.0f} %",
             "-".join(map(str, sorted({standing.first, standing.last}))),
             f"{standing.beats_next:.2f}",
-            *map(shown, [standing.slowest] if is_loop else _columns(standing.row)),
+            *map(shown, [standing.slowest] if is_loop else _measures(standing.row, columns)),
         ]
         for standing in table
     ]
@@ -199,13 +202,17 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
     if is_loop:
         note += f" Slowest [ms]: a dash where no more worlds are held than by {FROZEN}."
     home = [i for i, standing in enumerate(table) if is_home(standing.row)]
-    columns = ["slowest"] if is_loop else COLUMNS
     return Table([*head, *columns], found, range(2), note, home if len(home) < len(table) else ())
 
 
-def _columns(row: Row) -> list[float | None]:
-    """Return the measures of a law's row in its table."""
-    return [row.measures.get(name) for name in COLUMNS.values()]
+def _columns(rows: Sequence[Row]) -> list[str]:
+    """Return the names of the columns with measures of laws that at least one row has."""
+    return [name for name, key in COLUMNS.items() if any(key in row.measures for row in rows)]
+
+
+def _measures(row: Row, columns: Sequence[str]) -> list[float | None]:
+    """Return the measures of a law's row in the given columns; None: the row has none."""
+    return [row.measures.get(COLUMNS[name]) for name in columns]
 
 
 def is_home(row: Row) -> bool:
