@@ -667,7 +667,7 @@ def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):
             "loop-v1 --sealed x --tracker m=nomod:T",
             "draws worlds from the code of 'm', but this code was not",
         ),
-        ("clutter --band v1", "'clutter' is not one of 'loop-v1', 'servo-v1', 'goal-v1'"),
+        ("clutter --band v1", "'clutter' is not one of 'loop-v1', 'servo-v1', 'servo-v2', 'goal-v1'"),
         (
             "goal-v1 --law pose",
             "'pose' cannot take part, because it does not use the picture at the goal",

@@ -23,7 +23,7 @@ from sim.types import Array
 from tracking.files.json_text import as_json
 
 FOLDER = "benchmarks"
-NAMES = ("loop-v1", "servo-v1", "goal-v1")
+NAMES = ("loop-v1", "servo-v1", "servo-v2", "goal-v1")
 """Shipped benchmarks. One that has no JSON file yet is a draft, whose conditions may still change:
 it has worlds to tune on only."""
 HASH_DIGITS = 16

@@ -165,7 +165,7 @@ def evaluate() -> None:
 
 @app.command()
 @click.argument(
-    "name", type=click.Choice(["loop-v1", "servo-v1", "goal-v1"]), help="The benchmark."
+    "name", type=click.Choice(["loop-v1", "servo-v1", "servo-v2", "goal-v1"]), help="The benchmark."
 )
 @click.option(
     "--contestant",
@@ -223,7 +223,7 @@ def bench(**_: object) -> None:
     """Print that `evaluate` and `benchmark` took the place of `bench`, and exit with 2."""
     raise click.UsageError(
         "bench is now two commands: `servobench evaluate SUITE` compares trackers on sequences, "
-        "`servobench benchmark loop-v1` (or servo-v1, goal-v1) runs a public benchmark"
+        "`servobench benchmark loop-v1` (or servo-v2, goal-v1) runs a public benchmark"
     )
 
 
