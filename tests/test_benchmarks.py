@@ -19,6 +19,7 @@ from servo.bench import benchmark as benchmarks
 from servo.bench.benchmark import NAMES, Band, World, condition_of, load
 from servo.bench.contestant import Contestant, Division, contestants, scale_of
 from servo.bench.row import (
+    DIGITS,
     TAUS,
     Row,
     WorldScore,
@@ -34,6 +35,7 @@ from servo.bench.row import (
 from servo.bench.score import Difficulty, effects, standings
 from servo.bench.world_run import ERROR, LAST, PICTURE, jobs_of
 from servo.cli import benchmark_command, main
+from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
 from servo.mistake import Mistake
 from servo.report import benchmark_section
@@ -321,6 +323,40 @@ def test_divisions(given, changes, division):
 
 
 @pytest.mark.parametrize(
+    ("name", "given", "change", "sentence"),
+    [
+        (
+            "loop-v1",
+            "x=nosuch:X",
+            "tracker.kind=truth",
+            "the tracker 'truth' cannot take part, because it uses more than pictures",
+        ),
+        (
+            "loop-v1",
+            "kams",
+            "run.duration=0.2",
+            "--set run.duration: this setting belongs to the worlds of loop-v1: a contestant may "
+            "change settings of [tracker], [features] and [controller] only",
+        ),
+        (
+            "servo-v2",
+            "hybrid",
+            "tracker.noise=0",
+            "--set tracker.noise: this setting belongs to the worlds of servo-v2: a contestant may "
+            "change settings of [features] and [controller] only",
+        ),
+        ("servo-v2", "hybrid", "believed.depth_factor=1", "--set believed.depth_factor: this"),
+        ("goal-v1", "sift", "at_goal.camera_noise=0", "--set at_goal.camera_noise: this"),
+        ("goal-v1", "photometric", "features.kind=pose", "does not use the picture at the goal"),
+    ],
+)
+def test_a_contestant_changes_neither_the_worlds_nor_what_it_is_told(name, given, change, sentence):
+    with pytest.raises(Mistake) as found:
+        contestants(load(name), [given], [change])
+    assert sentence in str(found.value)
+
+
+@pytest.mark.parametrize(
     ("given", "settings"),
     [
         ("pose, qp", {"features.kind": "pose", "controller.kind": "qp"}),
@@ -596,6 +632,56 @@ def test_what_somebody_writes_into_a_row_is_found_out(sent, change, sentence):
     code, out = sent(change)
     assert code == 1
     assert sentence in out
+
+
+def test_a_row_of_a_later_version_is_whole_and_has_its_errors():
+    benchmark = load("goal-v1")
+    (sift,) = contestants(benchmark, ["sift"])
+    (published,) = (row for row in shipped_rows(benchmark) if row.contestant == "sift")
+    quick = {world.key for world in benchmark.every_world(Band("v1"), 2)}
+    part = {key: score for key, score in published.worlds.items() if key in quick}
+    faults, _ = audit.audit(benchmark, replace(published, worlds=part), sift, None)
+    assert faults == [
+        "the row is of a quick run: 18 of 360 worlds",
+        "its Parquet file with the errors of each run is missing",
+    ]
+
+
+def test_sealed_worlds_of_other_code_are_no_row_of_this_code():
+    """Who changes a comment gets other worlds: a row's digest must be the one known before VALUE."""
+    benchmark = load("loop-v1")
+    (mine,) = contestants(benchmark, ["m=collections:Counter"])
+    sent = row("m", [], "CLOSED", band="sealed", value="a headline", digest=DIGEST)
+    faults, _ = audit.audit(benchmark, sent, mine, None)
+    assert "the contestant's settings or files differ from those given here" in faults
+    first, second = (
+        benchmark.every_world(Band("sealed", "a headline", digest), 1)
+        for digest in (mine.digest, DIGEST)
+    )
+    assert not {w.seed for w in first} & {w.seed for w in second}
+
+
+def test_a_digest_is_printed_before_anything_runs(monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    code, out, _ = call(monkeypatch, capfd, *BENCH, "--law", "points", "--dry-run")
+    (points,) = contestants(load("servo-v1"), ["points"])
+    assert (code, out.splitlines()[0]) == (0, f"points: digest {points.digest}")
+
+
+def test_pictures_of_published_worlds_are_known_and_those_of_sealed_worlds_are_not():
+    """A contestant that sees nothing, but knows published digests, could replay a row's commands."""
+    benchmark = load("goal-v1")
+    (sift,) = contestants(benchmark, ["sift"])
+    published = {s.picture for r in shipped_rows(benchmark) for s in r.worlds.values()} - {""}
+
+    def is_known(band):
+        near = benchmark.every_world(band)[-benchmark.worlds]
+        with Episode(benchmark.scenario_of(near, sift.settings)) as episode:
+            image = next(iter(episode)).frame.image
+        return hashlib.sha256(image.tobytes()).hexdigest()[:DIGITS] in published
+
+    assert is_known(Band("v1"))
+    assert not is_known(Band("sealed", "a headline", sift.digest))
 
 
 def test_an_audit_repeats_worlds_that_nobody_knows_before():

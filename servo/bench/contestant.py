@@ -42,6 +42,12 @@ SERVERS = {"tracker": "tracking.exported.program_server", "controller": "servo.p
 """Modules that run a guest's class in a process of its own, by the section of a scenario."""
 SCRIPTS = (".py", ".sh")
 """Files of a command that may use the modules beside them."""
+CHANGEABLE = {
+    "tracker": ("tracker", "features", "controller"),
+    "law": ("features", "controller"),
+    "pictures": ("features", "controller"),
+}
+"""Sections of a scenario whose settings a contestant of the division OPEN may change."""
 OF_CONTROLLERS: Settings = {"features.kind": "points"}
 """Features of a controller that is given alone: they determine all six degrees of freedom."""
 
@@ -210,6 +216,15 @@ def contestants(
     if given:
         served = not any(key.startswith(("tracker.", "controller.")) for key in changed)
         chosen = [home.get(text) or _guest(benchmark, home, text, served) for text in given]
+    _check_changes(benchmark, changed)
+    if changed:
+        chosen = [Contestant(c.name, c.settings | changed, Division.OPEN) for c in chosen]
+    # After the changes: they could name a tracker that is told the truth.
+    for one in chosen:
+        if benchmark.contestant == "tracker":
+            _check_tracker(one.settings)
+        elif benchmark.contestant == "pictures":
+            _check_pictures(benchmark, one)
     names = [one.name for one in chosen]
     check_rules(
         *(
@@ -220,12 +235,43 @@ def contestants(
             for name in names
         )
     )
-    if changed:
-        chosen = [Contestant(c.name, c.settings | changed, Division.OPEN) for c in chosen]
-    if benchmark.contestant == "pictures":
-        for one in chosen:
-            _check_pictures(benchmark, one)
     return chosen
+
+
+def _check_changes(benchmark: Benchmark, changed: Collection[str]) -> None:
+    """Check that changed settings, by dotted key, belong to a contestant, and not to the worlds,
+    such as the duration of a run.
+
+    Raises:
+        Mistake: One does not.
+    """
+    own = CHANGEABLE[benchmark.contestant]
+    *others, last = (f"[{section}]" for section in own)
+    check_rules(
+        *(
+            (
+                key.partition(".")[0] not in own,
+                f"--set {key}: this setting belongs to the worlds of {benchmark.name}: a "
+                f"contestant may change settings of {', '.join(others)} and {last} only",
+            )
+            for key in changed
+        )
+    )
+
+
+def _check_tracker(settings: Settings) -> None:
+    """Check that the tracker that a contestant's settings name uses pictures only. A class is not
+    imported here, as it runs in a process of its own.
+
+    Raises:
+        Mistake: It is told more, such as the truth.
+    """
+    kind = str(settings["tracker.kind"])
+    if kind in TRACKERS.names() and not follows_any_target(TRACKERS.config(kind)):
+        raise Mistake(
+            f"the tracker '{kind}' cannot take part, because it uses more than pictures: choose "
+            "another one"
+        )
 
 
 def _check_pictures(benchmark: Benchmark, one: Contestant) -> None:
@@ -275,13 +321,8 @@ def _guest(benchmark: Benchmark, home: Collection[str], text: str, served: bool)
     settings = settings_of("tracker", what)
     if what.startswith((TRAX, PROGRAM)):
         return Contestant(name, settings, Division.CLOSED)
+    _check_tracker(settings)
     kind = str(settings["tracker.kind"])
-    # A class by its path is imported in the process that it runs in, never here.
-    if kind in TRACKERS.names() and not follows_any_target(TRACKERS.config(kind)):
-        raise Mistake(
-            f"the tracker '{kind}' cannot take part, because it uses more than pictures: choose "
-            "another one"
-        )
     if kind in home:
         return Contestant(name, settings, Division.HOME)
     if served:

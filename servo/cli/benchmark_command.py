@@ -108,6 +108,8 @@ def run(
     check_number(len(jobs))
     folder = out or Path("runs") / f"benchmark-{name}"
     if dry_run:
+        # To be published before the value of sealed worlds is known.
+        plain(console, *(f"{one.name}: digest {one.digest}" for one in chosen if given))
         return print_estimate(jobs, workers, console, Store(folder))
     command = command_line(
         "benchmark",
