@@ -32,7 +32,7 @@ from servo.bench.row import (
     slow_of,
     world_score,
 )
-from servo.bench.score import Difficulty, effects, standings
+from servo.bench.score import Difficulty, Discrimination, effects, item_rest, standings
 from servo.bench.world_run import ERROR, LAST, PICTURE, jobs_of
 from servo.cli import benchmark_command, main
 from servo.loop.episode import Episode
@@ -239,6 +239,36 @@ def test_worlds_that_tell_nothing_are_counted():
     assert Difficulty.of(standings(rows)) is None  # two contestants say nothing
     rows.append(row("c", [1.0, 0.0, 0.0]))
     assert Difficulty.of(standings(rows)) == Difficulty(nobody=1, everybody=1, worlds=3)
+
+
+def test_item_rest_correlations_are_those_of_numpy():
+    points = np.random.default_rng(0).normal(size=(5, 4)) + np.arange(5)[:, None]
+    points[:, 3] = 1.0
+    found = item_rest(points)
+    assert np.isnan(found[3])
+    for world in range(3):
+        rest = np.delete(points, world, axis=1).mean(axis=1)
+        assert found[world] == pytest.approx(np.corrcoef(points[:, world], rest)[0, 1])
+
+
+def test_worlds_that_agree_tell_contestants_apart():
+    """Four worlds with the same order of three contestants, whose first two differ by 10 +- 10."""
+    still = row("still", [0.0] * 4, "SCALE")
+    rows = [row("a", [0.9, 0.7, 0.9, 0.7]), row("b", [0.7] * 4), row("c", [0.2] * 4), still]
+    found = Discrimination.of(standings(rows))
+    assert found.agreeing == 1.0
+    assert found.halves == pytest.approx(0.99, abs=0.01)
+    spread = np.std([20, 0, 20, 0], ddof=1)
+    assert found.needed == pytest.approx((2.8 * spread / 10) ** 2)
+    assert Discrimination.of(standings([*rows[:2], still])) is None
+    assert Discrimination.of(standings([row(n, [0.5] * 4) for n in "abc"] + [still])) is None
+    alike = [
+        row("a", [0.9, 0.7]),
+        row("b", [0.7, 0.9]),
+        row("c", [0.2, 0.1]),
+        row("still", [0.0] * 2),
+    ]
+    assert Discrimination.of(standings(alike)).needed == np.inf
 
 
 def test_all_but_frozen_hold_69_worlds_of_the_published_rows():
@@ -753,7 +783,10 @@ def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):
             "loop-v1 --sealed x --tracker m=nomod:T",
             "draws worlds from the code of 'm', but this code was not",
         ),
-        ("clutter --band v1", "'clutter' is not one of 'loop-v1', 'servo-v1', 'servo-v2', 'goal-v1'"),
+        (
+            "clutter --band v1",
+            "'clutter' is not one of 'loop-v1', 'servo-v1', 'servo-v2', 'goal-v1'",
+        ),
         (
             "goal-v1 --law pose",
             "'pose' cannot take part, because it does not use the picture at the goal",
@@ -809,6 +842,15 @@ def test_the_shipped_rows_have_a_page(monkeypatch, capfd, tmp_path):
         assert page.count("<td>home</td>") + page.count("<td>closed</td>") == count
         assert "What the worlds do" in page
     assert "others, see" not in (tmp_path / "loop-v1.html").read_text()
+
+
+def test_a_benchmark_without_rows_has_no_page(monkeypatch, capfd):
+    monkeypatch.setattr(benchmark_section, "shipped_rows", lambda _: [])
+    assert call(monkeypatch, capfd, "report", "goal-v1")[::2] == (
+        2,
+        "servobench: goal-v1 has no published results yet: run `servobench benchmark goal-v1`, and "
+        "give the folder that it writes\n",
+    )
 
 
 def test_a_row_without_a_condition_has_an_empty_cell_there(public):

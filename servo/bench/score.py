@@ -24,6 +24,12 @@ FEWEST_CONTESTANTS = 3
 """Fewest contestants from which the difficulty of worlds is computed."""
 FEWEST_WORLDS = 5
 """Fewest worlds of a level whose effect is computed."""
+RELATED = 0.2
+"""Item-rest correlation above which a world agrees with the others on who is better."""
+SPLITS = 100
+"""Number of random splits of the worlds into halves."""
+POWER = 1.96 + 0.84
+"""Sum of the normal quantiles of a two-sided test at 5 % and of a power of 80 %."""
 LIGHT = ("light.azimuth_deg", "light.elevation_deg")
 """Settings that are drawn in all conditions; a third of the worlds is a level of each."""
 
@@ -167,7 +173,9 @@ def _chance(gaps: Array) -> float:
     spread = float(gaps.std(ddof=1)) if len(gaps) > 1 else np.inf
     if not gaps.any() or spread == np.inf:
         return 1.0
-    t = abs(float(gaps.mean())) * np.sqrt(len(gaps)) / max(spread, np.finfo(float).tiny)
+    if spread == 0.0:  # one is better by the same amount everywhere
+        return 0.0
+    t = abs(float(gaps.mean())) * np.sqrt(len(gaps)) / spread
     return float(2 * stdtr(len(gaps) - 1, -t))
 
 
@@ -251,6 +259,58 @@ class Difficulty:
         keys = set[str]().union(*rows).intersection(*rows)
         held = [sum(row[key].held for row in rows) for key in keys]
         return Difficulty(held.count(0), held.count(len(rows)), len(held))
+
+
+@dataclass(frozen=True, slots=True)
+class Discrimination:
+    """How well the worlds (random scenarios) of a benchmark tell its contestants apart.
+
+    `agreeing` is the share (0 to 1) of worlds whose item-rest correlation is above 0.2: the
+    correlation, over the contestants, of the points in the world with the mean points in all other
+    worlds; worlds in which all contestants have equal points are left out. `halves` is the
+    split-half reliability: the mean correlation of the contestants' scores in two random halves of
+    the worlds, for the full number of worlds (Spearman and Brown, 1910). `needed` is the number of
+    worlds in which a paired test finds the difference between the first two contestants with a
+    probability of 80 %; inf if they are equal.
+    """
+
+    agreeing: float
+    halves: float
+    needed: float
+
+    @staticmethod
+    def of(table: Sequence[Standing]) -> "Discrimination | None":
+        """Return these numbers for the contestants in a table, the best first, without `frozen`;
+        None for fewer than three contestants, or if all have the same points everywhere.
+        """
+        rows = [standing.points for standing in table if standing.name != FROZEN]
+        if len(rows) < FEWEST_CONTESTANTS:
+            return None
+        keys = sorted(set(rows[0]).intersection(*rows))
+        points = np.array([[row[key] for key in keys] for row in rows])
+        related = item_rest(points)
+        related = related[np.isfinite(related)]
+        if not len(related):
+            return None
+        rng = np.random.default_rng(0)  # the same splits each time
+        splits = [rng.permuted(np.arange(len(keys)) % 2 == 0) for _ in range(SPLITS)]
+        means = [(points[:, half].mean(1), points[:, ~half].mean(1)) for half in splits]
+        r = float(np.mean([np.corrcoef(*each)[0, 1] for each in means]))
+        gaps = points[0] - points[1]
+        gap, spread = float(gaps.mean()), float(gaps.std(ddof=1))
+        needed = (POWER * spread / gap) ** 2 if gap else np.inf
+        return Discrimination(float(np.mean(related > RELATED)), 2 * r / (1 + r), needed)
+
+
+def item_rest(points: Array) -> Array:
+    """Return, for each world, the correlation (n,) over contestants of their points (m, n) there
+    with the mean of their points in all other worlds; nan if either is constant.
+    """
+    rest = (points.sum(axis=1, keepdims=True) - points) / (points.shape[1] - 1)
+    constant = (np.ptp(points, axis=0) == 0) | (np.ptp(rest, axis=0) == 0)
+    own, rest = points - points.mean(axis=0), rest - rest.mean(axis=0)
+    length = np.sqrt((own**2).sum(axis=0) * (rest**2).sum(axis=0))
+    return np.where(constant, np.nan, (own * rest).sum(axis=0) / np.where(constant, 1, length))
 
 
 def by_size(row: Row, worlds: Sequence[World], condition: str, parts: int) -> list[float]:

@@ -11,7 +11,8 @@ import numpy as np
 from servo.bench.benchmark import Band, Benchmark, World, load
 from servo.bench.contestant import FROZEN, Division
 from servo.bench.row import TAUS, Row, rows_in, shipped_rows
-from servo.bench.score import Difficulty, Standing, by_size, effects, standings
+from servo.bench.score import Difficulty, Discrimination, Standing, by_size, effects, standings
+from servo.mistake import Mistake
 from servo.report.charts import Curve, Scale, curves, heat
 from servo.report.page import LIGHT, Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown, spread
@@ -21,6 +22,8 @@ from sim.types import Array
 ROWS = "rows"
 """Folder of the rows, in that of the results."""
 MOST_SHEETS = 24
+MANY = 100_000
+"""More worlds than anybody runs."""
 PARTS = 6
 """Parts of a condition's tasks by their size: seven of its 42 worlds each."""
 COLUMNS = {
@@ -64,9 +67,18 @@ def published_section(name: str) -> Section:
 
     Args:
         name: Name of the benchmark, such as "loop-v1".
+
+    Raises:
+        Mistake: No results are published yet.
     """
     benchmark = load(name)
-    return _section(benchmark, shipped_rows(benchmark), Path(name), [])
+    rows = shipped_rows(benchmark)
+    if not rows:
+        raise Mistake(
+            f"{name} has no published results yet: run `servobench benchmark {name}`, and give "
+            "the folder that it writes"
+        )
+    return _section(benchmark, rows, Path(name), [])
 
 
 def _section(
@@ -162,7 +174,7 @@ def blocks_of(
         is_loop = benchmark.score == "held"
         first = _curves(rows, table) if is_loop else _sizes(benchmark, worlds, table)
         figures = [first, _conditions(benchmark, table)]
-        text = list(filter(None, [difficulty_of(rows)]))
+        text = list(filter(None, [difficulty_of(rows), discrimination_of(rows)]))
         shown = [standings_table(benchmark, rows)]
         found += [
             Block(f"Contestants{after}", text, tables=shown, figures=figures),
@@ -221,6 +233,25 @@ def is_home(row: Row) -> bool:
     are others.
     """
     return row.division == Division.HOME.name
+
+
+def discrimination_of(rows: Sequence[Row]) -> str:
+    """Return a sentence that says how well the worlds (drawn scenarios) tell the contestants apart;
+    "" for fewer than three contestants.
+
+    Args:
+        rows: The results of each contestant.
+    """
+    found = Discrimination.of(standings(rows))
+    if found is None:
+        return ""
+    needed = f"{found.needed:,.0f}" if found.needed < MANY else f"More than {MANY:,}"
+    return (
+        f"{100 * found.agreeing:.0f} % of the worlds in which contestants differ agree with the "
+        "others on who is better (item-rest correlation above 0.2); two random halves of the "
+        f"worlds rank them alike (split-half reliability {found.halves:.3f}). {needed} worlds "
+        "are needed to tell the first two apart with a power of 80 %."
+    )
 
 
 def difficulty_of(rows: Sequence[Row]) -> str:

@@ -19,12 +19,10 @@ import numpy as np
 from servo.bench.benchmark import Band, condition_of, load
 from servo.bench.contestant import contestants, scale_of
 from servo.bench.row import rows_in, world_score
+from servo.bench.score import RELATED, item_rest
 from servo.bench.world_run import CONTESTANT, WORLD, jobs_of
 from servo.study.execute import Workers, execute
 from servo.study.run import Failure
-
-LEAST = 0.2
-"""Item-rest correlation of a world that parts contestants."""
 
 
 def run(draft: str, rows: Path, count: int, names: list[str], processes: int) -> None:
@@ -68,16 +66,6 @@ def read(rows: Path) -> list[dict[str, object]]:
     return [json.loads(line) for line in rows.read_text().splitlines()] if rows.exists() else []
 
 
-def item_rest(won: np.ndarray) -> np.ndarray:
-    """Correlation of each world (column) with the mean of the others; nan if all results agree."""
-    found = []
-    for world in range(won.shape[1]):
-        own, rest = won[:, world], np.delete(won, world, axis=1).mean(axis=1)
-        constant = np.ptp(own) == 0 or np.ptp(rest) == 0
-        found.append(np.nan if constant else np.corrcoef(own, rest)[0, 1])
-    return np.array(found)
-
-
 def table(rows: Path) -> str:
     """The table of a pilot: share of worlds won by condition and contestant, and the figures."""
     results = {(str(r["world"]), str(r["contestant"])): float(bool(r["won"])) for r in read(rows)}
@@ -97,7 +85,7 @@ def table(rows: Path) -> str:
             for name in names
         ]
         parts = ~np.isnan(related[own])
-        above = np.mean(related[own][parts] > LEAST) if parts.any() else np.nan
+        above = np.mean(related[own][parts] > RELATED) if parts.any() else np.nan
         cells = [condition, sum(own), *(f"{100 * s:.0f} %" for s in shares)]
         cells += [parts.sum(), f"{100 * above:.0f} %"]
         lines.append("| " + " | ".join(map(str, cells)) + " |")

@@ -17,6 +17,7 @@ from servo.bench.score import standings
 from servo.report.benchmark_section import (
     by_pictures,
     difficulty_of,
+    discrimination_of,
     published_section,
     standings_table,
 )
@@ -57,7 +58,8 @@ def _block(name: str, rendering: str, rows: list[Row], most: int | None) -> str:
     if most is None:
         pictures = f", pictures `{rendering}`" if rendering else ""
         text = f"{name} `{load(name).hash}`, band v1{pictures}."
-        whole = f"{text}\n\n{markdown(table)}\n\n{table.note} {difficulty_of(rows)}\n"
+        note = f"{table.note} {difficulty_of(rows)} {discrimination_of(rows)}"
+        whole = f"{text}\n\n{markdown(table)}\n\n{note}\n"
         return whole + (by_target(name, rows) if load(name).score == "held" else "")
     guests = [i for i in range(len(table.rows)) if table.faint and i not in table.faint]
     first = [i for i in range(len(table.rows)) if i not in guests][: most - len(guests)]
