@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servo.bench.world_run import CONTESTANT, LAST, PICTURE
-from servo.bench.world_run import ERROR as ERROR_SIZES
+from servo.bench.world_run import CONTESTANT
+from servo.bench.world_score import ERROR as ERROR_SIZES
+from servo.bench.world_score import LAST, PICTURE
 from servo.loop.episode import run
 from servo.loop.run_measures import summarise
 from servo.papers import kams_paper, kernel_paper, texture_paper, tuning

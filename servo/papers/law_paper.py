@@ -14,8 +14,8 @@ import numpy as np
 
 from servo.bench.benchmark import Band, load
 from servo.bench.contestant import contestants
-from servo.bench.row import world_score
 from servo.bench.world_run import CONTESTANT, WORLD, jobs_of
+from servo.bench.world_score import world_score
 from servo.papers.claim import FRESH, Claim, Effort, Evidence, Rule, Verdict
 from servo.papers.summaries import column, group, intervals, mean, words
 from servo.study.run import Job, Record
@@ -63,8 +63,8 @@ def _jobs(condition: str, laws: Sequence[str], effort: Effort) -> Sequence[Job]:
 
 def _arrived(records: Sequence[Record]) -> Array:
     """Return 1 for each run (n,) whose camera arrived at its goal, else 0."""
-    benchmark = load(BENCHMARK)
-    return np.array([world_score(benchmark, record).area for record in records])
+    score = load(BENCHMARK).score
+    return np.array([world_score(score, record).area for record in records])
 
 
 def _left(records: Sequence[Record]) -> Array:
