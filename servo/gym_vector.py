@@ -26,7 +26,8 @@ from sim.types import Array, Image
 class ServoVectorEnv(VectorEnv[Any, Any, Any]):
     """Vector environment of a scenario, whose n environments run one after the other. Where a run
     is over, the next step ignores the action of this environment, begins a new run with a drawn
-    seed and has the reward 0 (Gymnasium's AutoresetMode.NEXT_STEP).
+    seed and without the options of the last `reset`, and has the reward 0 (Gymnasium's
+    AutoresetMode.NEXT_STEP).
     """
 
     def __init__(self, num_envs: int = 1, **settings: Any) -> None:

@@ -73,3 +73,10 @@ def test_a_heat_map_of_many_columns_has_none(chart):
 def test_no_colour_of_a_heat_map_is_one_that_follows_the_page():
     shades = {to_hex(shade) for shade in colormaps["viridis"](np.arange(256))}
     assert not shades & set(charts.INKS)
+
+
+def test_a_figure_that_is_saved_twice_has_one_legend():
+    figure = charts.stacked("t", ["b"], ["p", "q"], np.array([[0.4], [0.6]]))
+    first, second = (charts.saved(figure, "svg") for _ in range(2))
+    assert first == second
+    assert first.count(b">p</text>") == 1

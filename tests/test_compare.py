@@ -75,6 +75,10 @@ def test_a_single_variant_stands_beside_the_scenario_as_it_is():
             "two variants are called 'a': give one another name, as in NAME=kams",
         ),
         (
+            {"tracker": ["as it is=kams"]},
+            "two variants are called 'as it is': give one another name, as in NAME=kams",
+        ),
+        (
             {"tracker": ["a="]},
             "'a=': the name before the = or the component after it is missing; write NAME=KIND, NAME=module:Class, NAME='program:COMMAND', NAME='trax:COMMAND' or NAME=onnx:FILE",
         ),

@@ -158,6 +158,18 @@ def test_points_of_the_room_are_where_they_are_drawn():
     assert np.hypot(x - columns.mean(), y - rows.mean()) < 5
 
 
+def test_a_camera_that_looks_straight_down_has_the_worlds_x_to_its_right():
+    with Episode(servo.load("line", CHANGES)) as episode:
+        view = RoomView(episode.world.model, *PANEL)
+    view.look(np.array([0.2, 0.1, 2.0]), np.array([0.2, 0.1, 0.0]))
+    at = view.project(np.array([[0.2, 0.1, 0.0], [0.3, 0.1, 0.0], [0.2, 0.2, 0.0]]))
+    view.close()
+    focal = PANEL[1] / 2 / np.tan(np.radians(55) / 2)
+    aside = 0.1 / 2 * focal
+    middle = np.array(PANEL) / 2
+    np.testing.assert_allclose(at, middle + [[0, 0], [aside, 0], [0, -aside]], atol=1e-9)
+
+
 def test_the_room_shows_where_the_camera_looks_and_has_been():
     steps = list(
         servo.run(servo.load("line", [*CHANGES, "tracker.kind=truth", "run.duration=0.5"]))

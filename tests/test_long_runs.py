@@ -60,3 +60,12 @@ def test_measures_of_columns_are_those_of_steps(measured):
     _, steps, _ = measured
     config = load("line").measure
     assert summarise(Columns.of(steps), config, 1 / 30) == summarise(steps, config, 1 / 30)
+
+
+def test_steps_are_added_while_a_column_is_held(measured):
+    _, steps, _ = measured
+    run = Columns.of(steps[:2])
+    held = run["time"]
+    run.add(steps[2])
+    assert held.tolist() == [0.0, 1 / 30]
+    assert run["time"].tolist() == [0.0, 1 / 30, 2 / 30]

@@ -1,5 +1,6 @@
 """Files that scenarios and studies name: found beside them, and known by what is in them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,9 +15,13 @@ from servo.scenario.named_files import (
     named_by,
     named_in,
 )
+from servo.study.execute import Workers
 from servo.study.parse import load as load_study
+from servo.study.run import Job
+from servo.study.scenario_run import StudiedScenario
 from servo.study.sequence_run import Contender
 from servo.study.store import StudyFile, opened
+from servo.study.trials import Trials, trial_study
 from sim.installed import entries
 from tracking.trackers import opencv
 
@@ -129,6 +134,30 @@ def test_a_digest_follows_the_content_of_a_file_and_of_what_a_model_consists_of(
     assert all(before[name] != after[name] for name in names)
     Path(names[0]).write_text(WEDGE.format(height=0.4))
     assert digests(names) == before
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_trial_whose_file_has_changed_is_made_again(tmp_path):
+    other = tmp_path / "other.obj"
+    other.write_text(WEDGE.format(height=0.4))
+    base, described = trial_study("tune", "parts/mine.toml", [], "servobench tune")
+    asked = [({"target.file": str(other)}, 0)]
+    with opened(tmp_path / "out", described) as store, Workers(1) as workers:
+        do = Trials(base, store, workers, lambda _: None)
+        do(asked)
+        do(asked)
+        assert len(store.done) == 1
+        other.write_text(WEDGE.format(height=0.5))
+        do(asked)
+        assert len(store.done) == 2
+
+
+def test_a_job_is_another_one_with_other_groups_of_settings_or_files():
+    base = StudiedScenario("still", {}, "still.toml")
+    slow = replace(base, named={"speed": {"slow": {"controller.gain": 0.5}}})
+    slower = replace(base, named={"speed": {"slow": {"controller.gain": 0.1}}})
+    other = replace(slower, files={"a.obj": "0123456789ab"})
+    assert len({Job(0, one, 0, {"speed": "slow"}).digest for one in (slow, slower, other)}) == 3
 
 
 @pytest.mark.parametrize("name", ["none.obj", "", "a\0b", "/dev/null", "broken.xml"])

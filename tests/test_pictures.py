@@ -291,12 +291,31 @@ def test_odd_pictures_are_shown_as_viewers_show_them(folder):
     assert read_on_white(Path("pages.tiff")).mean() > 200  # its first page
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize(("orientation", "place"), [(1, (0, 0)), (3, (-1, -1)), (6, (0, -1))])
+def test_exif_turns_a_picture_with_its_transparency(orientation, place, dtype):
+    opaque = np.iinfo(dtype).max
+    picture = np.zeros((20, 30, 4), dtype)
+    picture[..., 3] = opaque
+    picture[0, 0] = (0, 0, opaque, opaque // 2)  # the only pixel in which white shows through
+    exif = np.frombuffer(orientation_tag(orientation), np.uint8)
+    cv2.imwriteWithMetadata("turned.png", picture, [0], [exif])
+    found = read_on_white(Path("turned.png"))
+    assert found.shape == ((30, 20, 3) if orientation == 6 else (20, 30, 3))
+    assert found[place].tolist() == [255, 128, 128]
+    assert np.count_nonzero(found) == 3
+
+
 def with_orientation(jpeg, orientation):
     """A JPEG file with the EXIF tag that says how it is to be turned."""
-    entry = b"\x01\x12\x00\x03\x00\x00\x00\x01" + bytes([0, orientation]) + b"\0\0"
-    tiff = b"MM\0*\0\0\0\x08\0\x01" + entry + b"\0\0\0\0"
-    exif = b"Exif\0\0" + tiff
+    exif = b"Exif\0\0" + orientation_tag(orientation)
     return jpeg[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + jpeg[2:]
+
+
+def orientation_tag(orientation):
+    """EXIF data that say how a picture is to be turned, as a TIFF block."""
+    entry = b"\x01\x12\x00\x03\x00\x00\x00\x01" + bytes([0, orientation]) + b"\0\0"
+    return b"MM\0*\0\0\0\x08\0\x01" + entry + b"\0\0\0\0"
 
 
 def test_shipped_pictures_are_those_of_scikit_image_made_smaller():

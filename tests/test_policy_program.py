@@ -10,8 +10,8 @@ import servo
 from servo import Mistake
 from servo.bench.benchmark import Band, load
 from servo.bench.contestant import Contestant, Division, contestants
-from servo.bench.row import world_score
 from servo.bench.world_run import jobs_of
+from servo.bench.world_score import world_score
 from servo.controllers._plain_law import since
 from servo.controllers.program import PolicyProgram
 from servo.scenario.part_names import changes_of, settings_of
@@ -180,6 +180,6 @@ def test_a_policy_that_does_not_look_has_fewer_than_5_points(tmp_path):
     }
     blind = Contestant("blind", law, Division.OPEN)
     jobs = jobs_of(benchmark, [blind], benchmark.every_world(Band(), 1))
-    scores = [world_score(benchmark, job.subject.perform(job, tmp_path)) for job in jobs]
+    scores = [world_score(benchmark.score, job.subject.perform(job, tmp_path)) for job in jobs]
     assert len(scores) == len(benchmark.conditions)
     assert 100 * np.mean([score.area for score in scores]) < 5

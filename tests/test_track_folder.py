@@ -93,6 +93,7 @@ def test_what_the_disk_refuses_is_left_and_named(tmp_path, act, done, error, rea
     )
     assert bad.done == done
     assert good.done == ["begin", "add", "add", "close"]
+    assert [path.name for path in files.paths] == ["track.csv", "track.parquet", "track.rrd"]
 
 
 def test_the_first_of_two_refusals_is_named(tmp_path):

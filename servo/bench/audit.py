@@ -14,8 +14,9 @@ import pyarrow.parquet as pq
 
 from servo.bench.benchmark import QUICK, Band, Benchmark, World
 from servo.bench.contestant import Contestant, Division
-from servo.bench.row import Row, WorldScore, curve_of, score_errors, slow_of, world_score
-from servo.bench.world_run import ERROR, SLOW, WORLD
+from servo.bench.row import Row, curve_of, slow_of
+from servo.bench.world_run import SLOW, WORLD
+from servo.bench.world_score import ERROR, WorldScore, score_errors, world_score
 from servo.mistake import Mistake
 from servo.study.record_file import parquet
 from servo.study.run import Record
@@ -220,7 +221,7 @@ def compare_run(
         exactly = np.array_equal(now, before)
         agrees = exactly or (now.shape == before.shape and np.allclose(now, before, 0, NEAR))
     if ms == 0.0:
-        found = world_score(benchmark, record)
+        found = world_score(benchmark.score, record)
         published = row.worlds[world]
         if not published.last:  # an older row
             found = replace(found, last="")

@@ -6,22 +6,18 @@ import hashlib
 import os
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from annotated_types import Ge, Le, Len
+from annotated_types import Len
 from pydantic import StringConstraints
 
 from servo.bench.benchmark import (
-    ARRIVED_DEG,
-    ARRIVED_MM,
     FARTHEST,
     FOLDER,
-    HELD_SHARE,
-    HELD_SIZE,
     NEAR_DEG,
     NEAR_MM,
     Band,
@@ -30,7 +26,16 @@ from servo.bench.benchmark import (
     condition_of,
 )
 from servo.bench.contestant import Contestant, Division
-from servo.bench.world_run import CONTESTANT, ERROR, LAST, PICTURE, SLOW, WORLD
+from servo.bench.world_run import CONTESTANT, SLOW, WORLD
+from servo.bench.world_score import (
+    DIGITS,
+    ERROR,
+    Share,
+    WorldScore,
+    is_within,
+    score_errors,
+    world_score,
+)
 from servo.mistake import Mistake
 from servo.output.formats import Made
 from servo.output.versions import versions
@@ -40,8 +45,6 @@ from sim.types import Array
 
 TAUS = np.linspace(0.0, FARTHEST, 41)
 """The distances of a row's curve [target sizes]."""
-DIGITS = 12
-"""Digits of a picture's digest."""
 MEASURES = (
     "end_position_mm",
     "end_rotation_deg",
@@ -54,26 +57,8 @@ MEASURES = (
 )
 """Measures of a law's row, median over its worlds."""
 
-Share = Annotated[float, Ge(0), Le(1)]
 Digest = Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")]
 Milliseconds = Annotated[str, StringConstraints(pattern=r"^\d{1,6}(\.\d{1,6})?$")]
-
-
-@dataclass(frozen=True, slots=True)
-class WorldScore:
-    """The result of a contestant in one world (random scenario) of a benchmark: its score (`area`,
-    0 to 1), whether it held the target or arrived at its goal (`held`), and digests of the run's
-    first and last picture ("": none).
-    """
-
-    area: Share
-    """Score in this world, 0 to 1."""
-    held: bool
-    """Whether the robot held its target for 95 % of the time, or arrived."""
-    picture: str = ""
-    """Digest of the first picture; empty where nothing was rendered."""
-    last: str = ""
-    """Digest of the last picture, which depends on the contestant; empty in older rows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,46 +105,6 @@ class Row(Made):
         return hashlib.sha256("\n".join(seen).encode()).hexdigest()[:DIGITS] if seen else ""
 
 
-def area_within(errors: Array, most: float) -> float:
-    """Return the mean of max(0, 1 - error / most) over non-negative errors (n,), from 0 to 1;
-    `most` is in the unit of the errors.
-
-    It is the area under the curve of the share of errors below tau, for tau from 0 to `most`,
-    divided by `most`.
-
-    >>> area_within(np.array([0.0, 1.0, 5.0]), 2.0)
-    0.5
-    """
-    return float(np.clip(1 - errors / most, 0, 1).mean())
-
-
-def world_score(benchmark: Benchmark, record: Record) -> WorldScore:
-    """Return the result of a contestant in one world (random scenario), from the record of the run.
-
-    If the benchmark's kind of score is "held", the score is that of `score_errors`. If it is
-    "arrives", the score is 1 if the run did not end early, the camera ends within 10 mm and 1
-    degree of its goal, and no corner of the target was ever outside the picture, where a detector
-    would have lost it; else 0. "reaches" is the same, but the target may leave the picture.
-    """
-    first, last = (record.settings[name][:DIGITS] for name in (PICTURE, LAST))
-    if benchmark.score == "held":
-        return replace(score_errors(record.series[ERROR]), picture=first, last=last)
-    lasts = bool(np.isfinite(record.series[ERROR][-1]))
-    seen = benchmark.score == "reaches" or record.measures["out_of_view_pct"] == 0.0
-    arrived = lasts and seen and is_within(record, ARRIVED_MM, ARRIVED_DEG)
-    return WorldScore(float(arrived), arrived, first, last)
-
-
-def score_errors(errors: Array) -> WorldScore:
-    """Return a tracker's result in one world (random scenario) from the error in each picture (n,)
-    [target sizes]: its score, which is `area_within` 2 target sizes, and whether it held the
-    target, with an error of at most 1 in at least 95 % of the pictures.
-    """
-    errors = np.asarray(errors, float)
-    held = float(np.mean(errors <= HELD_SIZE)) >= HELD_SHARE
-    return WorldScore(area_within(errors, FARTHEST), held)
-
-
 def curve_of(errors: Sequence[Array]) -> list[float]:
     """Return the share, from 0 to 1 and rounded to four decimals, of the pictures of all runs whose
     error is at most tau, for 41 evenly spaced tau from 0 to 2 target sizes.
@@ -169,14 +114,6 @@ def curve_of(errors: Sequence[Array]) -> list[float]:
     """
     every = np.concatenate([np.asarray(each, float) for each in errors])
     return [round(float(np.mean(every <= tau)), 4) for tau in TAUS]
-
-
-def is_within(record: Record, position: float, rotation: float) -> bool:
-    """Return True if the camera was within a distance [mm] and an angle [deg] of its goal at the
-    end of a run; False also if this was not measured.
-    """
-    near = record.measures["end_position_mm"] <= position
-    return bool(near and record.measures["end_rotation_deg"] <= rotation)
 
 
 def row_of(
@@ -212,7 +149,7 @@ def row_of(
         digest=contestant.digest,
         machine=f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}",
         track_ms=round(float(np.median([r.measures[TRACK_MS] for r in at_once])), 3),
-        worlds={r.settings[WORLD]: world_score(benchmark, r) for r in at_once},
+        worlds={r.settings[WORLD]: world_score(benchmark.score, r) for r in at_once},
         slow={} if contestant.division is Division.SCALE else slow_of(benchmark, errors),
         curve=curve_of([r.series[ERROR] for r in at_once]),
         measures={} if benchmark.score == "held" else _measures(at_once),

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from servo.bench.benchmark import HELD_SHARE, HELD_SIZE, Benchmark, Settings, World
+from servo.bench.benchmark import Benchmark, Settings, World
 from servo.bench.contestant import Contestant, Division
+from servo.bench.world_score import ERROR, LAST, PICTURE, world_score
 from servo.loop.columns import Columns
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
@@ -24,11 +25,6 @@ CONTESTANT = "contestant"
 WORLD = "world"
 SLOW = "slow"
 """Settings of a job: the contestant, the world, and the tracker's time for a picture [ms], or 0."""
-PICTURE = "first_picture"
-LAST = "last_picture"
-"""Settings of a record: the SHA-256 of the first and the last picture of the run."""
-ERROR = "error_sizes"
-"""Series of a record: distance of the target's centre from the goal, in target sizes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +38,8 @@ class WorldRun:
     """Name and hash of the benchmark."""
     name: str
     """Name of the condition."""
+    score: str
+    """The benchmark's kind of score, by which a run fails."""
     table: Table
     """The scenario's TOML table."""
 
@@ -54,7 +52,8 @@ class WorldRun:
     def perform(self, job: Job, folder: Path) -> Record:
         """Run the contestant in the world, and return the record: its measures, the error in each
         picture [target sizes], and digests of the first and last picture. If a contestant that sees
-        pictures does not hold the target, the record has an image with pictures of the run. If the
+        pictures does not hold the target, or does not arrive (whichever the benchmark scores), the
+        record has an image with pictures of the run. If the
         simulation becomes unstable, the run ends there.
 
         No file is written into `folder`.
@@ -80,14 +79,13 @@ class WorldRun:
         record = record_of(job, scenario, run)
         digests = [hashlib.sha256(picture.tobytes()).hexdigest() for picture in pictures]
         first, last = (digests[0], digests[-1]) if digests else ("", "")
-        errors = errors_of(run, scenario.frames)
-        failed = looks and float(np.mean(errors <= HELD_SIZE)) < HELD_SHARE
-        return replace(
+        record = replace(
             record,
             settings=record.settings | {PICTURE: first, LAST: last},
-            series={ERROR: errors.astype(np.float32)},
-            sheet=sheet.jpeg() if failed else None,
+            series={ERROR: errors_of(run, scenario.frames).astype(np.float32)},
         )
+        failed = looks and not world_score(self.score, record).held
+        return replace(record, sheet=sheet.jpeg()) if failed else record
 
 
 def errors_of(run: Columns, frames: int) -> Array:
@@ -127,7 +125,7 @@ def jobs_of(
                 late.extend((ms, {slow.setting: ms}) for ms in slow.values)
             for ms, settings in late:
                 table = benchmark.table_of(world, one.settings | settings)
-                subject = WorldRun(of, world.condition, table)
+                subject = WorldRun(of, world.condition, benchmark.score, table)
                 who: Table = {CONTESTANT: one.name, WORLD: world.key, SLOW: ms}
                 found.append(Job(len(found), subject, world.seed, who))
     return found

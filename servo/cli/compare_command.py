@@ -148,17 +148,19 @@ def variants_of(parts: Mapping[str, Sequence[str]], set_of: Sequence[str]) -> di
     ]
     found = [(name, settings_of(section, what)) for section, name, what in named]
     found += map(_settings, set_of)
+    if not found:
+        raise Mistake(
+            "there is nothing to compare: give --tracker, --controller, --estimator or --set-of"
+        )
+    if len(found) == 1:
+        found.insert(0, ("as it is", {}))
     names = [name for name, _ in found]
     for name in names:
         if names.count(name) > 1:
             raise Mistake(
                 f"two variants are called '{name}': give one another name, as in NAME=kams"
             )
-    if not found:
-        raise Mistake(
-            "there is nothing to compare: give --tracker, --controller, --estimator or --set-of"
-        )
-    return dict([("as it is", {}), *found] if len(found) == 1 else found)
+    return dict(found)
 
 
 def _settings(text: str) -> tuple[str, Settings]:

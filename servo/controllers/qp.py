@@ -114,7 +114,7 @@ class Programme:
         bounds = hard + view
         over = bounds.excess(law)
         # A twist of nan passes: the loop then names the component that it came from.
-        if not (desired.moves.any() and (np.abs(over) > EXACT).any()):
+        if not (np.abs(over) > EXACT).any():
             return LimitedTwist(law, limits)
         # Only the rows of the view may be violated.
         sense = np.zeros(len(over), np.intc)
@@ -145,7 +145,8 @@ def _change(
     multipliers (m,) of the bounds: positive at an active upper bound, negative at an active lower
     one, else 0.
 
-    If DAQP finds no solution, the change is -law: the camera stops, which keeps all hard bounds.
+    If no component may move, or DAQP finds no solution, the change is -law: the camera stops, which
+    keeps all hard bounds.
 
     Args:
         desired: Interaction matrix of the features, and the components of the twist that may move.
@@ -153,6 +154,8 @@ def _change(
         law: Camera twist (6,) of the law [m/s, rad/s].
         sense: DAQP's flags (m,): 8 for a soft bound, 0 for a hard one.
     """
+    if not desired.moves.any():
+        return -law, bounds.excess(law)
     # The unknown of the programme is the change from the law's twist.
     L = desired.L[:, desired.moves]
     A = np.ascontiguousarray(bounds.A[:, desired.moves])

@@ -59,8 +59,8 @@ class Columns:
         return len(self._rows) // self._kind.itemsize if self._rows else 0
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return a column, an array (n, ...) with one row for each of n steps, as a view of the
-        memory: no row can be added while it exists.
+        """Return a column, an array (n, ...) with one row for each of the n steps so far; steps
+        that are added later do not change it.
 
         Args:
             name: A key of `NUMBERS`, or "other_picture": True for the steps whose estimate was made
@@ -78,7 +78,11 @@ class Columns:
         if not self._rows:
             self.first = step.light()
             self._kind = np.dtype([(name, _kind(each), each.shape) for name, each in row.items()])
-        self._rows += np.array(tuple(row.values()), self._kind).tobytes()
+        numbers = np.array(tuple(row.values()), self._kind).tobytes()
+        try:
+            self._rows += numbers
+        except BufferError:  # somebody holds a column, a view of this memory
+            self._rows = self._rows + numbers
         # Pictures and particles are left out: they are most of a step's memory.
         light = step.light()
         _append(self.final, light)

@@ -108,9 +108,10 @@ class RoomView:
 
 def _towards(eye: Array, point: Array) -> Array:
     """Return the rotation (3, 3) from camera to world of an upright camera at `eye` (3,) that looks
-    at a point (3,) along its -z axis, as MuJoCo's cameras do.
+    at a point (3,) along its -z axis, as MuJoCo's cameras do. Where it looks straight up or down,
+    no direction is upright, and its right is the world's x axis.
     """
     back = np.subtract(eye, point) / np.linalg.norm(np.subtract(eye, point))
     right = np.cross([0.0, 0.0, 1.0], back)
-    right /= np.linalg.norm(right)
+    right = right / np.linalg.norm(right) if right.any() else np.array([1.0, 0.0, 0.0])
     return np.column_stack([right, np.cross(back, right), back])

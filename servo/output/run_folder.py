@@ -191,7 +191,7 @@ class RunFolder:
             report: Contents of report.json.
 
         Returns:
-            The paths of all files of the run.
+            The paths of all files of the run, without outputs that failed.
 
         Raises:
             Refused: A file cannot be written; steps.parquet is complete.

@@ -49,7 +49,6 @@ class Sinks:
 
     def __init__(self, sinks: Mapping[Path | str, Sink]) -> None:
         self._sinks = dict(sinks)
-        self.paths = [name for name in sinks if isinstance(name, Path)]
 
     def begin(self, path: Path, make: Callable[[], Sink]) -> None:
         """Add a sink.
@@ -63,8 +62,11 @@ class Sinks:
             self._sinks[path] = make()
         except OSError as error:
             self._refuse(path, error.strerror or str(error))
-        else:
-            self.paths.append(path)
+
+    @property
+    def paths(self) -> list[Path]:
+        """Files of the sinks that have not failed."""
+        return [name for name in self._sinks if isinstance(name, Path)]
 
     def __bool__(self) -> bool:
         return bool(self._sinks)

@@ -72,7 +72,11 @@ class TrackFolder:
 
             path = folder / RECORDING
             self._sinks.begin(path, lambda: TrackLog(RecordingFile(path), region))
-        self.paths = [folder / TRACK, folder / TABLE, *self._sinks.paths]
+
+    @property
+    def paths(self) -> list[Path]:
+        """All files of the track, without outputs that failed."""
+        return [self._folder / TRACK, self._folder / TABLE, *self._sinks.paths]
 
     @property
     def refused(self) -> Refused | None:

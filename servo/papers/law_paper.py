@@ -14,13 +14,19 @@ import numpy as np
 
 from servo.bench.benchmark import Band, load
 from servo.bench.contestant import contestants
-from servo.bench.row import world_score
 from servo.bench.world_run import CONTESTANT, WORLD, jobs_of
+from servo.bench.world_score import world_score
 from servo.papers.claim import FRESH, Claim, Effort, Evidence, Rule, Verdict
-from servo.papers.summaries import column, group, intervals, mean, mean_percent, words
+from servo.papers.summaries import column, group, intervals, mean, words
 from servo.study.run import Job, Record
 from sim.types import Array
-from tracking.statistics.comparisons import Interval, difference_of_shares, mean_of
+from tracking.statistics.comparisons import (
+    Interval,
+    difference_of_shares,
+    in_percent,
+    mean_of,
+    mean_percent,
+)
 from tracking.statistics.verdicts import Finding, greater, not_worse
 
 BENCHMARK = "servo-v1"
@@ -57,8 +63,8 @@ def _jobs(condition: str, laws: Sequence[str], effort: Effort) -> Sequence[Job]:
 
 def _arrived(records: Sequence[Record]) -> Array:
     """Return 1 for each run (n,) whose camera arrived at its goal, else 0."""
-    benchmark = load(BENCHMARK)
-    return np.array([world_score(benchmark, record).area for record in records])
+    score = load(BENCHMARK).score
+    return np.array([world_score(score, record).area for record in records])
 
 
 def _left(records: Sequence[Record]) -> Array:
@@ -96,10 +102,9 @@ def _compared(
     """
     runs = _runs(evidence, laws)
     flags = {law: share(of) for law, of in runs.items()}
-    gap = difference_of_shares(*flags.values())
-    percent = Interval(100 * gap.value, 100 * gap.low, 100 * gap.high, gap.units)
+    gap = in_percent(difference_of_shares(*flags.values()))
     found = {law: mean_percent(of) for law, of in flags.items()}
-    return _verdict(judge(percent), percent, "% of the worlds", f"{about} [%]", found, runs)
+    return _verdict(judge(gap), gap, "% of the worlds", f"{about} [%]", found, runs)
 
 
 def _runs(evidence: Evidence, laws: Sequence[str]) -> dict[str, list[Record]]:

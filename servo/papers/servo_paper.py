@@ -19,13 +19,12 @@ from servo.papers.summaries import (
     intervals,
     lines,
     mean,
-    mean_percent,
     ratio,
     words,
 )
 from servo.study.run import Job, Record
 from sim.types import Array
-from tracking.statistics.comparisons import mean_of
+from tracking.statistics.comparisons import mean_of, mean_percent
 from tracking.statistics.verdicts import greater, not_worse
 
 SEEDS = 20

@@ -14,7 +14,13 @@ from numpy.typing import ArrayLike
 from servo.study.run import Record
 from sim.types import Array
 from tracking.drawing import figures
-from tracking.statistics.comparisons import Interval, difference_of_shares, in_percent, mean_of
+from tracking.statistics.comparisons import (
+    Interval,
+    difference_of_shares,
+    in_percent,
+    mean_of,
+    mean_percent,
+)
 
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#4b5563", "#0e7490")
 ROW_HEIGHT = 0.32
@@ -61,7 +67,7 @@ def completed(records: Sequence[Record]) -> Interval:
     """Return the share of runs on sequences in which the target was never lost [%], with its 95 %
     interval.
     """
-    return in_percent(mean_of(column(records, "completed"), least=0.0, most=1.0))
+    return mean_percent(column(records, "completed"))
 
 
 def completed_more(first: Sequence[Record], second: Sequence[Record]) -> Interval:
@@ -69,13 +75,6 @@ def completed_more(first: Sequence[Record], second: Sequence[Record]) -> Interva
     `second` [%], with its 95 % interval. The i-th records of both lists are of the same sequence.
     """
     return in_percent(difference_of_shares(column(first, "completed"), column(second, "completed")))
-
-
-def mean_percent(shares: Array) -> Interval:
-    """Return the mean [%], with its 95 % interval, of shares (n,) from 0 to 1, one for each
-    independent observation.
-    """
-    return mean_of(100 * shares, least=0.0, most=100.0)
 
 
 def ratio(first: Array, second: Array) -> Interval:

@@ -11,13 +11,13 @@ import numpy as np
 
 from servo.papers.claim import FRESH, Claim, Effort, Evidence, Rule, Verdict, every
 from servo.papers.experiments import contender, generated, sequence_jobs, states_found
-from servo.papers.summaries import column, completed, dots, lines, mean, mean_percent, ratio, words
+from servo.papers.summaries import column, completed, dots, lines, mean, ratio, words
 from servo.papers.tuning import published, tuned
 from servo.study.run import Job
 from servo.study.sequence_run import Contender, Generated
 from sim.types import Array
 from tracking.settings import PLAIN
-from tracking.statistics.comparisons import mean_of
+from tracking.statistics.comparisons import mean_of, mean_percent
 from tracking.statistics.verdicts import greater, not_worse
 
 SEEDS = 20

@@ -358,7 +358,7 @@ def saved(figure: Figure, kind: str, width: float | None = None) -> bytes:
     if width is not None:
         figure.drawing.set_figwidth(width)
     with styled():
-        if figure.keys:
+        if figure.keys and not figure.drawing.legends:
             figure.drawing.legend(loc="outside upper left", ncols=3, frameon=False)
         try:
             figure.drawing.savefig(

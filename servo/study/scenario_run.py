@@ -102,10 +102,12 @@ class StudiedScenario:
     """Digests of the files that the study names, by path."""
 
     def describe(self) -> Table:
-        """Return the name of the scenario, its table without changes, and the settings of all runs
-        of the study, by the keys "scenario", "table" and "changes".
+        """Return the name of the scenario, its table without changes, the settings of all runs of
+        the study, its groups of settings and the digests of its files, by the keys "scenario",
+        "table", "changes", "named" and "files".
         """
-        return {"scenario": self.name, "table": self.table, "changes": self.changes}
+        found: Table = {"scenario": self.name, "table": self.table, "changes": self.changes}
+        return found | {"named": self.named, "files": self.files}
 
     def table_of(self, seed: int, settings: Table) -> Table:
         """Return a copy of the scenario's table (as in a TOML file) with all changes of one run.

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from servo.mistake import Mistake
+from servo.scenario.named_files import digests, named_in
 from servo.scenario.toml import Table
 from servo.study.execute import Workers, complete
 from servo.study.parse import parsed
@@ -71,7 +72,9 @@ class Trials:
         return [next(done) if job.key in self._store.done else None for job in jobs]
 
     def _job(self, settings: Table, seed: int) -> Job:
-        job = Job(0, self._base, seed, settings, self._base.command(seed, settings))
+        named = digests(named_in({"set": settings}, self._base.table))
+        base = replace(self._base, files=self._base.files | named)
+        job = Job(0, base, seed, settings, base.command(seed, settings))
         return replace(job, name=job.digest[:KEY])
 
 

@@ -239,7 +239,7 @@ def search(
     seeds = seeds[:1] if str(untimed[0]) == str(untimed[-1]) else seeds
     best.runs = [*best.runs[: len(seeds)], *perform([({}, seed) for seed in seeds[FIRST:]])]
     tried = [best]
-    left = budget - len(best.runs)
+    left = budget - max(len(untimed), len(seeds))  # both first runs count
     while left >= len(seeds):
         group = [Candidate({}, trial=study.ask()) for _ in range(min(GROUP, left // len(seeds)))]
         for one in group:

@@ -48,12 +48,13 @@ def read_on_white(file: Path) -> Image:
     """
     image = shrunk(read_image(file))
     with silent_libraries():
-        whole = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        whole, *exif = cv2.imreadWithMetadata(str(file), flags=cv2.IMREAD_UNCHANGED)
     if whole is None or whole.dtype.kind != "u" or whole.ndim == 2 or whole.shape[2] < 4:
         return image
-    share = shrunk(whole[..., 3]) / (255 if whole.dtype == np.uint8 else 65535)
-    if share.shape != image.shape[:2]:
-        return image  # EXIF turns the picture
+    # OpenCV turns a picture as its EXIF data say, but not one with four channels.
+    _, alone = cv2.imencodeWithMetadata(".png", np.ascontiguousarray(whole[..., 3]), *exif)
+    alpha = cv2.imdecode(alone, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
+    share = shrunk(alpha) / (255 if whole.dtype == np.uint8 else 65535)
     return (255 - share[..., None] * (255.0 - image)).round().astype(np.uint8)
 
 

@@ -18,9 +18,10 @@ import numpy as np
 
 from servo.bench.benchmark import Band, condition_of, load
 from servo.bench.contestant import contestants, scale_of
-from servo.bench.row import rows_in, world_score
+from servo.bench.row import rows_in
 from servo.bench.score import RELATED, item_rest
 from servo.bench.world_run import CONTESTANT, WORLD, jobs_of
+from servo.bench.world_score import world_score
 from servo.study.execute import Workers, execute
 from servo.study.run import Failure
 
@@ -47,7 +48,7 @@ def run(draft: str, rows: Path, count: int, names: list[str], processes: int) ->
             line = {
                 "world": job.settings[WORLD],
                 "contestant": job.settings[CONTESTANT],
-                "won": world_score(benchmark, record).held,
+                "won": world_score(benchmark.score, record).held,
                 "mm": record.measures["end_position_mm"],
                 "deg": record.measures["end_rotation_deg"],
             }
