@@ -53,7 +53,7 @@ def noisy(count, speed, level, rng, hidden=range(0)):
 def test_innovations_are_white_and_as_large_as_expected_at_any_noise(kind, level):
     rng = np.random.default_rng(1000)
     estimator = build(kind)
-    errors = noisy(1500, np.full(1500, 0.05), level, rng)
+    errors = noisy(700, np.full(700, 0.05), level, rng)
     z = normalised([estimator.update(e, own(np.zeros(4)), DT) for e in errors][100:])
     assert np.all(np.abs(np.mean(z**2, axis=0) - 1) < 0.2)
     # Not zero: the target does not manoeuvre, and the filters allow for it.

@@ -93,7 +93,12 @@ for asked, picture in each():
     ]
 
 
-GOOD = "say({})\nfor asked, picture in each():\n    say({'box': [40 + 2 * count, 30, 30, 20]})\n"
+@pytest.fixture
+def killed_at_once(monkeypatch):
+    """A program that does not hear that it should end is not given half a second for it."""
+    monkeypatch.setattr("tracking.guests.process.GRACE", 0.0)
+
+
 SHORT = 0.4
 """Time limit of a program that is known to give no answer [s]."""
 LIES = {
@@ -115,7 +120,9 @@ LIES = {
 
 
 @pytest.mark.parametrize("lie", LIES)
-def test_a_program_that_does_not_begin_is_a_sentence(tmp_path, lie):
+def test_a_program_that_does_not_begin_is_a_sentence(tmp_path, request, lie):
+    if "sleep" in lie or "while" in lie:
+        request.getfixturevalue("killed_at_once")
     limit = SHORT if "within" in LIES[lie] else 10.0
     config = program(tmp_path, lie + "\n", loading=limit, timeout=limit)
     with pytest.raises(ValueError) as refused:
@@ -141,11 +148,14 @@ ANSWERS = {
 
 
 @pytest.mark.parametrize("lie", ANSWERS)
-def test_a_program_that_fails_later_is_a_sentence(tmp_path, lie):
+def test_a_program_that_fails_later_is_a_sentence(tmp_path, request, lie):
     body = (
         "say({})\nfor asked, picture in each():\n    if count < 3: say({'box': [40, 30, 30, 20]})\n"
     )
-    limit = SHORT if "within" in ANSWERS[lie] else 10.0
+    limit = 10.0
+    if "within" in ANSWERS[lie]:
+        limit = SHORT
+        request.getfixturevalue("killed_at_once")
     config = program(tmp_path, body + f"    else: {lie}\n", timeout=limit)
     before = set(psutil.Process().children(recursive=True))
     with pytest.raises(ValueError) as refused:
@@ -199,6 +209,7 @@ for asked, picture in each():
     assert time.monotonic() - began < 15  # not the 20 s of the child, nor the limit of 30 s
 
 
+@pytest.mark.usefixtures("killed_at_once")
 def test_a_program_that_does_not_read_is_ended_in_time(tmp_path):
     """The pipe is full before the first picture of this size is sent."""
     config = program(tmp_path, "say({})\ntime.sleep(60)\n", timeout=SHORT)

@@ -38,9 +38,9 @@ TRUTH = ("tracker.kind=truth",)
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory):
-    """A film of the table at four times the resolution of the views, as pictures."""
+    """A film of the table at twice the resolution of the views, as pictures."""
     folder = tmp_path_factory.mktemp("table")
-    as_folder(folder, wide(2560, 4 * FOCAL, SECONDS, *MOVES))
+    as_folder(folder, wide(1280, 2 * FOCAL, SECONDS, *MOVES))
     return folder
 
 

@@ -106,9 +106,13 @@ def test_every_setting_has_a_meaning_and_a_default_that_fits(schema, name):
 
 @pytest.mark.parametrize("name", TABLES)
 def test_schema_and_parser_refuse_the_same_values(schema, refused, name):
+    """The whole schema refuses one wrong value of each setting; the others, the setting's own part
+    of it refuses, in a hundredth of the time.
+    """
     at = TABLES[name]
     assert not refused(at({})) | refused_by_parser(at({}))
     for put, item in leaves(schema, settings_of(schema, name)):
+        own = Draft202012Validator(item | {"$defs": schema["$defs"]})
         choices = item.get("anyOf", [item])
         any_text = any(
             one.get("type") == "string" and not {"enum", "const"} & one.keys() for one in choices
@@ -120,13 +124,13 @@ def test_schema_and_parser_refuse_the_same_values(schema, refused, name):
         for limit, beyond in (("minimum", -1), ("maximum", 1)):
             if limit in item:
                 wrong.append(item[limit] + beyond)
-                assert not refused(at(put(item[limit]))), (name, item)
+                assert own.is_valid(item[limit]), (name, item)
         for limit in ("exclusiveMinimum", "exclusiveMaximum"):
             wrong += [item[limit]] if limit in item else []
+        assert refused(at(put(wrong[-1]))), (name, item)
         for value in wrong:
-            table = at(put(value))
-            assert refused(table), (name, item, value)
-            assert refused_by_parser(table), (name, item, value)
+            assert not own.is_valid(value), (name, item, value)
+            assert refused_by_parser(at(put(value))), (name, item, value)
 
 
 @pytest.mark.parametrize(
