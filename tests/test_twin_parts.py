@@ -330,6 +330,13 @@ def test_a_good_recording_gives_numbers_with_their_intervals():
     assert rows(turned)["mount: rotation"] == "roll 10.00, pitch 20.00, yaw 30.00 deg, +- 0.57"
 
 
+@pytest.mark.parametrize(("late", "change"), [(0.0051, "add 5.10 ms to the stamp of each picture"), (-0.0051, "add -5.10 ms to the stamp of each picture"), (0.0049, "")])  # fmt: skip
+def test_a_late_clock_is_to_be_adjusted(late, change):
+    found = verdict(at=mount(offset=late))
+    [row] = [each for each in found.findings if each.what == "clock offset"]
+    assert (row.change, found.is_good) == (change, True)
+
+
 HALVES = mount().halves
 
 
@@ -428,8 +435,9 @@ def test_a_stated_mount_decides_between_equal_explanations():
     )
     first = diagnosed(others=[far, near])
     assert preferred(first, None) is first
-    assert preferred(first, believed_mount((0.0,) * 6)).others == [near]
-    turned = preferred(first, believed_mount((0, 0, 0, 45.0, 0, 0)))
+    assert preferred(first, believed_mount((0.0,) * 6)).others == []
+    assert preferred(first, believed_mount((0, 0, 0, -20.0, 0, 0))).others == [near]
+    turned = preferred(first, believed_mount((0, 0, 0, 36.0, 0, 0)))
     assert (turned.best, turned.others) == (far, [near])
 
 
@@ -504,6 +512,7 @@ def test_a_page_shows_the_curve_and_the_flows_of_12_s():
 def test_a_table_has_a_word_for_each_finding():
     findings = [
         Finding("a", "fits"),
+        Finding("d", "late", "add"),
         Finding("b", "refused: why", "record", is_good=False),
         Finding("c", "off", "turn", is_good=False),
     ]
@@ -512,6 +521,7 @@ def test_a_table_has_a_word_for_each_finding():
     )
     assert [[what, badge.text, *rest] for what, badge, *rest in table.rows] == [
         ["a", "ok", "fits", ""],
+        ["d", "adjust", "late", "add"],
         ["b", "refused", "why", "record"],
         ["c", "wrong", "off", "turn"],
     ]
