@@ -3,16 +3,18 @@ has, and the commands `preflight` and `twin` on a film that has nothing to do wi
 """
 
 import csv
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pyarrow as pa
 import pytest
 from click.testing import CliRunner
+from rich.console import Console
 
 from servo import Mistake
 from servo.cli.main import app
-from servo.cli.preflight_command import Given, camera_for, made, stated_mount
+from servo.cli.preflight_command import Given, camera_for, followed, made, stated_mount
 from servo.cli.twin_command import toml
 from servo.loop.episode import Episode
 from servo.scenario.load import load
@@ -346,6 +348,17 @@ def test_a_twin_of_another_film_has_its_size_and_rate_and_no_replay(unrelated):
     assert "# mistakes in the recording: none found" in lines
     assert lines[lines.index(f"fx = {scenario.camera.fx}") - 1] == "# given"
     assert not (out / "replay.mp4").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "begins"), [({}, 3.0), ({"exposure_ms": 8.0}, 2.996), ({"readout_ms": 20.0, "exposure_ms": 8.0}, 2.986)]
+)  # fmt: skip
+def test_a_known_exposure_and_readout_are_taken_off_the_stamps(unrelated, words, begins):
+    _, (log, film, *_, stamps) = unrelated
+    given = Given(Path(log), film, rate=10.0, stamps=Path(stamps), **words)
+    smooth = hand_log(given.table(), given.log, None).smooth
+    tracks, _ = followed(given, smooth, Console())
+    assert tracks.times[0] == pytest.approx(begins, abs=1e-9)
 
 
 @pytest.mark.parametrize(

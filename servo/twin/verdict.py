@@ -124,6 +124,7 @@ def judge(
     *,
     trusts_focal: bool,
     trusts_along: bool,
+    late: float = 0.0,
 ) -> Verdict:
     """Return the verdict of a pre-flight: what is right, wrong, or too uncertain to be stated.
 
@@ -139,6 +140,7 @@ def judge(
         trusts_focal: Whether the focal length is calibrated.
         trusts_along: Whether the distance from the hand's origin to the camera along the optical
             axis is known.
+        late: How long before its stamp the middle of a picture was exposed [s]; 0: unknown.
     """
     findings: list[Finding] = []
     doubts = list(_of_film(tracks))
@@ -160,7 +162,7 @@ def judge(
         "its rotation is not known" if why else _no_lever(mount, axes, trusts_focal or trusts_along)
     )
     if not why_no_offset:
-        findings += _of_clock(offset, mount, use_fit=not why)
+        findings += _of_clock(offset, mount, late, use_fit=not why)
     halves = mount.halves
     if why:
         findings.append(Finding("mount: rotation", f"refused: {why}", RECORD, is_good=False))
@@ -338,14 +340,15 @@ def _of_diagnosis(diagnosis: Diagnosis) -> list[Finding]:
     ]
 
 
-def _of_clock(offset: Offset, mount: Mount, *, use_fit: bool) -> list[Finding]:
+def _of_clock(offset: Offset, mount: Mount, late: float, *, use_fit: bool) -> list[Finding]:
     """Return the rows about the clocks."""
+    when = "end of its exposure, last row" if late else "middle of its exposure, middle row"
     value, half = (mount.offset, mount.halves[0]) if use_fit else (offset.value, offset.half)
     rows = [
         Finding(
             "clock offset",
             f"{MM * value:.2f} ms, +- {MM * half:.2f}: a picture with the stamp t was taken at "
-            "t + offset on the log's clock (middle of its exposure, middle row)",
+            f"t + offset on the log's clock ({when})",
             f"add {MM * value:.2f} ms to the stamp of each picture" * (abs(value) > LATE),
         )
     ]
@@ -468,7 +471,5 @@ def preferred(diagnosis: Diagnosis, believed: Mount | None) -> Diagnosis:
     near = [angle_of(believed.rotation.T @ trial.mount.rotation) for trial in trials]
     # A stated mount that is far from all of them may itself be the mistake.
     slack = TURNED if min(near) < TURNED else FAR
-    kept = [
-        trial for trial, angle in zip(trials, near, strict=True) if angle < min(near) + slack
-    ]
+    kept = [trial for trial, angle in zip(trials, near, strict=True) if angle < min(near) + slack]
     return replace(diagnosis, best=kept[0], others=kept[1:])
