@@ -11,6 +11,7 @@ import pyarrow as pa
 import pytest
 from click.testing import CliRunner
 from rich.console import Console
+from scipy.spatial.transform import Rotation
 
 from servo import Mistake
 from servo.cli.main import app
@@ -179,6 +180,27 @@ def test_joints_become_the_cameras_poses_by_the_scenarios_robot(tmp_path):
     assert refused(tmp_path, columns, "line") == (
         f"the robot of 'line' has joints that the log lacks: {names[0]}"
     )
+
+
+def test_joints_become_the_hands_poses_if_the_camera_stands_where_the_scenario_says(tmp_path):
+    scenario = tmp_path / "stands.toml"
+    scenario.write_text(
+        'robot.kind = "arm"\ntarget.kind = "plate"\ngoal.depth = 0.9\n[camera]\nmounted = "world"\n'
+        "pose = [0.0, -0.9, 0.75, -100.0, 0.0, 0.0]\nheld = [0.0, 0.0, 0.05, 0.0, 0.0, 0.0]\n"
+    )
+    with Episode(load(str(scenario)), seen=False) as episode:
+        robot, posture = episode.world.robot, episode.world.posture()
+        target = episode.world.target_at(0.0)
+    names = [f"joint_{name}_{unit}" for name, unit in zip(robot.names, robot.units, strict=True)]
+    [pose] = kinematics(str(scenario), names, tmp_path)(posture.joints[None])
+    turn = Rotation.from_quat(pose[3:])
+    np.testing.assert_allclose(pose[:3] + turn.apply([0, 0, 0.05]), target.translation, atol=1e-9)
+    path = written(tmp_path, dict.fromkeys(names, 0.01 * EVEN) | {"time_s": EVEN})
+    given = Given(path, "", str(scenario), eye_to_hand=True)
+    stated = stated_mount(given, given.table())
+    np.testing.assert_allclose(stated.lever, [0, -0.9, 0.75], atol=1e-12)
+    assert stated_mount(Given(path, "", eye_to_hand=True), given.table()) is None
+    assert stated_mount(Given(path, "", "line", eye_to_hand=True), given.table()) is None
 
 
 def test_a_log_of_poses_and_commands_gets_its_measured_twists(tmp_path):

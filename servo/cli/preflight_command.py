@@ -214,11 +214,16 @@ def comparison(given: Given, table: pa.Table) -> tuple[Comparison, Camera, float
 def stated_mount(given: Given, table: pa.Table) -> Mount | None:
     """Return the mount (pose of the camera in the robot's hand) that the user, or else the log's
     table, states: a log of the camera's own poses, or of a robot's joints with --scenario, has the
-    camera itself as the hand, a mount of zero. None: there is no such statement.
+    camera itself as the hand, a mount of zero; a scenario whose camera stands says where. None:
+    there is no such statement.
     """
     if given.mount is not None:
         return believed_mount(tuple(given.mount))
-    is_stated = not given.eye_to_hand and is_camera(table, given.log, given.scenario)
+    if given.eye_to_hand:
+        camera = None if given.scenario is None else load(given.scenario).camera
+        is_stated = camera is not None and camera.mounted == "world"
+        return believed_mount(camera.pose) if is_stated else None
+    is_stated = is_camera(table, given.log, given.scenario)
     return believed_mount((0.0,) * 6) if is_stated else None
 
 
