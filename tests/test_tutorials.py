@@ -37,14 +37,14 @@ PRINTS = {
     ],
     "first_start_eye_to_hand": [
         (r"mistake +wrong +(the sign of x of)", "the sign of x of"),
-        (r"clock offset +ok +([\d.]+) ms", (77.0, 83.0)),
+        (r"clock offset +adjust +([\d.]+) ms", (77.0, 83.0)),
         (r"mount: rotation +ok +roll (-[\d.]+)", (-100.6, -99.4)),
         (r"mount: lever +ok +x -?[\d.]+, y (-[\d.]+)", (-910.0, -890.0)),
     ],
     "first_start": [
         (r"mistake +wrong +(the quaternion's)", "the quaternion's"),
         (r"mistake +wrong +(lengths are in)", "lengths are in"),
-        (r"clock offset +ok +([\d.]+) ms", (77.0, 83.0)),
+        (r"clock offset +adjust +([\d.]+) ms", (77.0, 83.0)),
         (r"median difference ([\d.]+) of 255", (0.0, 12.0)),
     ],
 }

@@ -8,8 +8,10 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
+from servo.cli.main import app
 from servo.loop.episode import Episode
 from servo.scenario.load import load
 from servo.twin import section
@@ -330,6 +332,23 @@ def test_a_good_recording_gives_numbers_with_their_intervals():
     assert rows(turned)["mount: rotation"] == "roll 10.00, pitch 20.00, yaw 30.00 deg, +- 0.57"
 
 
+def test_the_offset_is_of_the_stamp_where_exposure_and_readout_are_known():
+    said = rows(
+        judge(
+            OFFSET, diagnosed(), mount(), mount(), TRACKS, STRONG, None, trusts_focal=True,
+            trusts_along=False, late=0.01,
+        )
+    )  # fmt: skip
+    assert said["clock offset"].endswith("on the log's clock (end of its exposure, last row)")
+
+
+@pytest.mark.parametrize(("late", "change"), [(0.0051, "add 5.10 ms to the stamp of each picture"), (-0.0051, "add -5.10 ms to the stamp of each picture"), (0.0049, "")])  # fmt: skip
+def test_a_late_clock_is_to_be_adjusted(late, change):
+    found = verdict(at=mount(offset=late))
+    [row] = [each for each in found.findings if each.what == "clock offset"]
+    assert (row.change, found.is_good) == (change, True)
+
+
 HALVES = mount().halves
 
 
@@ -428,9 +447,19 @@ def test_a_stated_mount_decides_between_equal_explanations():
     )
     first = diagnosed(others=[far, near])
     assert preferred(first, None) is first
-    assert preferred(first, believed_mount((0.0,) * 6)).others == [near]
-    turned = preferred(first, believed_mount((0, 0, 0, 45.0, 0, 0)))
+    assert preferred(first, believed_mount((0.0,) * 6)).others == []
+    assert preferred(first, believed_mount((0, 0, 0, -20.0, 0, 0))).others == [near]
+    turned = preferred(first, believed_mount((0, 0, 0, 36.0, 0, 0)))
     assert (turned.best, turned.others) == (far, [near])
+
+
+def test_the_inverse_of_a_motion_is_that_of_the_base_in_the_hands_frame():
+    turns = Rotation.from_rotvec(np.outer(GRID, [0.3, -0.2, 0.5]))
+    there = RobotMotion(GRID, np.outer(GRID, [1.0, 2, 3]), turns.as_quat())
+    R, t = there.at(GRID[10:20])
+    back, place = there.inverse.at(GRID[10:20])
+    np.testing.assert_allclose(back, R.transpose(0, 2, 1), atol=1e-9)
+    np.testing.assert_allclose(place, -np.einsum("kji,kj->ki", R, t), atol=1e-5)
 
 
 def test_the_second_axis_of_a_motion_is_the_second_strongest():
@@ -482,6 +511,42 @@ def compared(**changes):
     return replace(Comparison(TRACKS, still, flows, OFFSET, diagnosed(), at, verdict()), **changes)
 
 
+def stood(tmp_path, monkeypatch, *words, mounted="world"):
+    """Run `twin` on a comparison of a camera that stands; what click has of it, and the folder."""
+    (tmp_path / "on.toml").write_text(f'camera.mounted = "{mounted}"\nrobot.kind = "free"\n')
+    (tmp_path / "log.csv").write_text("time_s,hand_x_m\n0,0\n1,0\n")
+    turn = Rotation.from_euler("xyz", [-100, 0, 10], degrees=True).as_matrix()
+    at = mount(rotation=turn, arm=turn.T @ [0.0, -0.9, 0.75])
+    found = compared(mount=at, verdict=verdict(at=at)), CAMERA, 0.0
+    monkeypatch.setattr("servo.cli.twin_command.comparison", lambda *_: found)
+    given = ["twin", tmp_path / "log.csv", "film", "--on", tmp_path / "on.toml", *words]
+    done = CliRunner().invoke(app, [*map(str, given), "--out", str(tmp_path / "twin")])
+    return done, tmp_path / "twin"
+
+
+def test_the_twin_of_a_camera_that_stands_has_its_place_and_no_replay(tmp_path, monkeypatch):
+    words = "--mount", "0,-0.9,0.8,-100,0,10", "--exposure-ms", "20", "--readout-ms", "30"
+    done, folder = stood(tmp_path, monkeypatch, "--eye-to-hand", *words)
+    assert done.exit_code == 0
+    assert "no replay: the film does not show where the target is in the hand" in done.output
+    scenario = load(folder / "twin.toml")
+    assert scenario.camera.pose == pytest.approx((0, -0.9, 0.75, -100, 0, 10))
+    assert (scenario.camera.exposure, scenario.camera.readout_ms) == (pytest.approx(0.2), 30)
+    assert scenario.believed.hand_eye_mm == pytest.approx([0, -49.24, -8.68], abs=0.01)
+    assert sorted(each.name for each in folder.iterdir()) == ["report.html", "twin.toml"]
+
+
+@pytest.mark.parametrize(("words", "mounted"), [((), "world"), (("--eye-to-hand",), "robot")])
+def test_a_camera_that_stands_needs_a_scenario_in_which_it_stands(
+    tmp_path, monkeypatch, words, mounted
+):
+    done, _ = stood(tmp_path, monkeypatch, *words, mounted=mounted)
+    assert str(done.exception) == (
+        f"{tmp_path / 'on.toml'}: --eye-to-hand and --on a scenario with camera.mounted = "
+        '"world" belong together: give both or neither'
+    )
+
+
 def test_a_page_shows_the_curve_and_the_flows_of_12_s():
     [axes] = section.curve(compared()).axes
     np.testing.assert_allclose(axes.lines[0].get_xdata(), 1e3 * OFFSETS)
@@ -504,6 +569,7 @@ def test_a_page_shows_the_curve_and_the_flows_of_12_s():
 def test_a_table_has_a_word_for_each_finding():
     findings = [
         Finding("a", "fits"),
+        Finding("d", "late", "add"),
         Finding("b", "refused: why", "record", is_good=False),
         Finding("c", "off", "turn", is_good=False),
     ]
@@ -512,6 +578,7 @@ def test_a_table_has_a_word_for_each_finding():
     )
     assert [[what, badge.text, *rest] for what, badge, *rest in table.rows] == [
         ["a", "ok", "fits", ""],
+        ["d", "adjust", "late", "add"],
         ["b", "refused", "why", "record"],
         ["c", "wrong", "off", "turn"],
     ]

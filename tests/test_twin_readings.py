@@ -3,16 +3,19 @@ has, and the commands `preflight` and `twin` on a film that has nothing to do wi
 """
 
 import csv
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pyarrow as pa
 import pytest
 from click.testing import CliRunner
+from rich.console import Console
+from scipy.spatial.transform import Rotation
 
 from servo import Mistake
 from servo.cli.main import app
-from servo.cli.preflight_command import Given, camera_for, made, stated_mount
+from servo.cli.preflight_command import Given, camera_for, followed, made, stated_mount
 from servo.cli.twin_command import toml
 from servo.loop.episode import Episode
 from servo.scenario.load import load
@@ -177,6 +180,27 @@ def test_joints_become_the_cameras_poses_by_the_scenarios_robot(tmp_path):
     assert refused(tmp_path, columns, "line") == (
         f"the robot of 'line' has joints that the log lacks: {names[0]}"
     )
+
+
+def test_joints_become_the_hands_poses_if_the_camera_stands_where_the_scenario_says(tmp_path):
+    scenario = tmp_path / "stands.toml"
+    scenario.write_text(
+        'robot.kind = "arm"\ntarget.kind = "plate"\ngoal.depth = 0.9\n[camera]\nmounted = "world"\n'
+        "pose = [0.0, -0.9, 0.75, -100.0, 0.0, 0.0]\nheld = [0.0, 0.0, 0.05, 0.0, 0.0, 0.0]\n"
+    )
+    with Episode(load(str(scenario)), seen=False) as episode:
+        robot, posture = episode.world.robot, episode.world.posture()
+        target = episode.world.target_at(0.0)
+    names = [f"joint_{name}_{unit}" for name, unit in zip(robot.names, robot.units, strict=True)]
+    [pose] = kinematics(str(scenario), names, tmp_path)(posture.joints[None])
+    turn = Rotation.from_quat(pose[3:])
+    np.testing.assert_allclose(pose[:3] + turn.apply([0, 0, 0.05]), target.translation, atol=1e-9)
+    path = written(tmp_path, dict.fromkeys(names, 0.01 * EVEN) | {"time_s": EVEN})
+    given = Given(path, "", str(scenario), eye_to_hand=True)
+    stated = stated_mount(given, given.table())
+    np.testing.assert_allclose(stated.lever, [0, -0.9, 0.75], atol=1e-12)
+    assert stated_mount(Given(path, "", eye_to_hand=True), given.table()) is None
+    assert stated_mount(Given(path, "", "line", eye_to_hand=True), given.table()) is None
 
 
 def test_a_log_of_poses_and_commands_gets_its_measured_twists(tmp_path):
@@ -346,6 +370,17 @@ def test_a_twin_of_another_film_has_its_size_and_rate_and_no_replay(unrelated):
     assert "# mistakes in the recording: none found" in lines
     assert lines[lines.index(f"fx = {scenario.camera.fx}") - 1] == "# given"
     assert not (out / "replay.mp4").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "begins"), [({}, 3.0), ({"exposure_ms": 8.0}, 2.996), ({"readout_ms": 20.0, "exposure_ms": 8.0}, 2.986)]
+)  # fmt: skip
+def test_a_known_exposure_and_readout_are_taken_off_the_stamps(unrelated, words, begins):
+    _, (log, film, *_, stamps) = unrelated
+    given = Given(Path(log), film, rate=10.0, stamps=Path(stamps), **words)
+    smooth = hand_log(given.table(), given.log, None).smooth
+    tracks, _ = followed(given, smooth, Console())
+    assert tracks.times[0] == pytest.approx(begins, abs=1e-9)
 
 
 @pytest.mark.parametrize(

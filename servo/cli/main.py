@@ -570,11 +570,6 @@ def identify() -> None:
     help="Write the motion to play and record, in place of a comparison; with --scenario as rates "
     "of its robot's joints.",
 )
-@click.option(
-    "--eye-to-hand",
-    is_flag=True,
-    help="The camera stands still and films what the hand carries: find the camera in the base.",
-)
 @opt.twin_options
 @opt.out_option("runs/preflight-LOG")
 def preflight() -> None:

@@ -195,6 +195,12 @@ TWIN_VIDEO = (
 )
 TWIN = (
     click.option(
+        "--eye-to-hand",
+        is_flag=True,
+        help="The camera stands still and films what the hand carries: find the camera in the "
+        "base.",
+    ),
+    click.option(
         "--scenario", type=SCENARIO, help="The scenario whose robot has the log's joints."
     ),
     click.option("--calibration", type=PATH, help="Calibration of the camera (ROS or OpenCV)."),
@@ -214,6 +220,16 @@ TWIN = (
         type=Numbers(6),
         metavar="X,Y,Z,ROLL,PITCH,YAW",
         help="Where the camera should be in the hand, to be checked [m, deg].",
+    ),
+    click.option(
+        "--exposure-ms",
+        type=FiniteRange(0.0, 1000.0),
+        help="Exposure of each row, if it is known, and the stamps are of its end [ms].",
+    ),
+    click.option(
+        "--readout-ms",
+        type=FiniteRange(0.0, 1000.0),
+        help="Delay from the first to the last row (rolling shutter), likewise [ms].",
     ),
     click.option(
         "--rate",

@@ -50,8 +50,9 @@ class Given:
     camera: the log, the film (`video`), the scenario whose robot has the log's joints, the camera's
     calibration file or horizontal field of view (`fov` [deg]), its stated pose in the hand
     (`mount`: x, y, z [m], roll, pitch, yaw [deg]) or only its distance from the hand's origin along
-    the optical axis (`along` [m]), the rate of a folder of pictures [Hz], the image topic of a bag,
-    a CSV of stamps, and when the film begins on the log's clock (`begins` [s]). None: not given.
+    the optical axis (`along` [m]), its exposure and the delay of its last row [ms], the rate of a
+    folder of pictures [Hz], the image topic of a bag, a CSV of stamps, and when the film begins on
+    the log's clock (`begins` [s]). None: not given.
     """
 
     log: Path
@@ -63,6 +64,8 @@ class Given:
     """The camera's distance from the hand's origin along its optical axis [m]."""
     mount: list[float] | None = None
     """Stated mount: x, y, z [m], roll, pitch, yaw [deg]."""
+    exposure_ms: float | None = None
+    readout_ms: float | None = None
     rate: float = 30.0
     topic: str | None = None
     stamps: Path | None = None
@@ -72,6 +75,13 @@ class Given:
     eye_to_hand: bool = False
     """True if the camera stands still and films what the hand carries."""
     """Topics of a bag with the hand's motion and the commanded twists."""
+
+    @property
+    def late(self) -> float:
+        """Time from the middle of a picture's exposure (middle row) to the end of its last row's,
+        as far as it is known [s].
+        """
+        return ((self.exposure_ms or 0.0) + (self.readout_ms or 0.0)) / 2e3
 
     @staticmethod
     def of(log: Path | None, video: str | None, **options: object) -> "Given":
@@ -147,6 +157,8 @@ def made(given: Given, command: str = "preflight", **more: object) -> Made:
             "calibration",
             "fov",
             "along",
+            "exposure_ms",
+            "readout_ms",
             "rate",
             "topic",
             "stamps",
@@ -192,6 +204,7 @@ def comparison(given: Given, table: pa.Table) -> tuple[Comparison, Camera, float
         given.calibration is not None or given.fov is not None,
         given.along,
         stated_mount(given, table),
+        given.late,
     )
     with progress(console, "comparing", 1 + len(corrections(smooth))) as tick:
         compared = compare(smooth, tracks, trust, tick)
@@ -201,11 +214,16 @@ def comparison(given: Given, table: pa.Table) -> tuple[Comparison, Camera, float
 def stated_mount(given: Given, table: pa.Table) -> Mount | None:
     """Return the mount (pose of the camera in the robot's hand) that the user, or else the log's
     table, states: a log of the camera's own poses, or of a robot's joints with --scenario, has the
-    camera itself as the hand, a mount of zero. None: there is no such statement.
+    camera itself as the hand, a mount of zero; a scenario whose camera stands says where. None:
+    there is no such statement.
     """
     if given.mount is not None:
         return believed_mount(tuple(given.mount))
-    is_stated = not given.eye_to_hand and is_camera(table, given.log, given.scenario)
+    if given.eye_to_hand:
+        camera = None if given.scenario is None else load(given.scenario).camera
+        is_stated = camera is not None and camera.mounted == "world"
+        return believed_mount(camera.pose) if is_stated else None
+    is_stated = is_camera(table, given.log, given.scenario)
     return believed_mount((0.0,) * 6) if is_stated else None
 
 
@@ -241,7 +259,7 @@ def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Ca
             "without texture?"
         )
     clock = clock_of(first.stamp, smooth, given.begins)
-    begins = clock.begins
+    begins = clock.begins - given.late
     if not clock.is_known:
         begins = rough_begin(smooth, tracks)
         plain(

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import tomli_w
 from rich.console import Console
+from scipy.spatial.transform import Rotation
 
 from servo.cli.identify_command import estimated
 from servo.cli.jobs import progress
@@ -41,7 +42,7 @@ def run(log: Path, video: str | None, base: str | None, out: Path | None, **opti
     """Compare a robot's log with the film of its camera (or a bag that holds both, if `video` is
     None), and write the scenario that simulates the robot, a film and a Rerun recording of the
     recording beside its simulation, and a page. Film and recording are left out if the pose of the
-    camera in the hand is too uncertain. Return 1 if something is wrong or refused, else 0.
+    camera in the hand is too uncertain, or if the camera stands still.
 
     Args:
         log: The robot's log.
@@ -59,7 +60,12 @@ def run(log: Path, video: str | None, base: str | None, out: Path | None, **opti
     given = Given.of(log, video, **options)
     console = Console()
     scenario = base or given.scenario or DEFAULT
-    load(scenario)
+    stands = load(scenario).camera.mounted == "world"
+    if stands != given.eye_to_hand:
+        raise Mistake(
+            f'{scenario}: --eye-to-hand and --on a scenario with camera.mounted = "world" belong '
+            "together: give both or neither"
+        )
     table = given.table()
     compared, camera, begins = comparison(given, table)
     show(compared)
@@ -70,7 +76,9 @@ def run(log: Path, video: str | None, base: str | None, out: Path | None, **opti
         written = atomic.write(folder, SCENARIO, text)
     plain(console, f"{written}: servobench run {written}")
     blocks = [Block("The scenario", code=[text])]
-    if compared.verdict.mount is not None:
+    if stands:
+        plain(console, "no replay: the film does not show where the target is in the hand")
+    elif compared.verdict.mount is not None:
         blocks += _replay(given, compared, camera, begins, written, folder, console)
     else:
         plain(console, "no replay: the mount is refused")
@@ -92,7 +100,8 @@ def _changes(
     notes: dict[str, str] = {}
     try:
         with waiting(Console(stderr=True), "estimating delay, lag, play and noise"):
-            _, text = estimated(command_log(table, given.log, compared.motion), scenario)
+            hand = compared.motion.inverse if given.eye_to_hand else compared.motion
+            _, text = estimated(command_log(table, given.log, hand), scenario)
     except Mistake as error:
         complain(f"delay, lag and play are not known: {error}")
         notes["1"] = f"delay, lag and play are not known: {error}"
@@ -100,15 +109,9 @@ def _changes(
         for part, keys in tomllib.loads(text).items():
             changes |= {f"{part}.{key}": value for key, value in keys.items()}
         notes |= _comments(text)
-    focal = camera.fx * mount.focal
-    changes |= {"camera.width": camera.width, "camera.height": camera.height}
-    changes["camera.rate"] = _rate(compared)
-    if given.calibration is not None:
-        changes["camera.calibration"] = str(given.calibration.resolve())
-    elif given.fov is not None or verdict.mount is not None:
-        changes["camera.fx"] = round(focal, 2)
-        source = "found" if mount.focal != 1 else "given" if given.fov else "assumed"
-        notes["camera.fx"] = source
+    for key, (value, note) in _of_camera(given, compared, camera).items():
+        changes[f"camera.{key}"] = value
+        notes[f"camera.{key}"] = note
     if verdict.offset is not None:
         offset, half = mount.offset, mount.halves[0]
         if verdict.mount is None:
@@ -131,6 +134,30 @@ def _changes(
         notes["2"] = "hand_eye: not known; it needs a mount that is not refused, and --mount"
     notes["3"] = "mistakes in the recording: " + ("; ".join(verdict.mistakes) or "none found")
     return changes, notes
+
+
+def _of_camera(given: Given, compared: Comparison, camera: Camera) -> dict[str, tuple[object, str]]:
+    """Return the settings of the camera that a recording shows, each with a comment or ""."""
+    verdict, mount = compared.verdict, compared.mount
+    rate = _rate(compared)
+    found: dict[str, tuple[object, str]] = {
+        "width": (camera.width, ""),
+        "height": (camera.height, ""),
+        "rate": (rate, ""),
+    }
+    if given.late:
+        found["exposure"] = (given.exposure_ms or 0.0) / 1e3 * rate, ""
+        found["readout_ms"] = given.readout_ms or 0.0, ""
+    if given.calibration is not None:
+        found["calibration"] = str(given.calibration.resolve()), ""
+    elif given.fov is not None or verdict.mount is not None:
+        source = "found" if mount.focal != 1 else "given" if given.fov else "assumed"
+        found["fx"] = round(camera.fx * mount.focal, 2), source
+    if given.eye_to_hand and verdict.has_lever:
+        angles = Rotation.from_matrix(mount.rotation).as_euler("xyz", degrees=True)
+        place = [*mount.lever.round(4).tolist(), *angles.round(2).tolist()]
+        found["pose"] = place, "in the base's frame: that of the room, if the base is at its origin"
+    return found
 
 
 def _rate(compared: Comparison) -> float:

@@ -32,13 +32,15 @@ THIRDS = 3
 class Trust:
     """What is known of the camera before a comparison of a robot's log with its film: whether its
     focal length is calibrated, the distance from the hand's origin to the camera along the optical
-    axis (`along` [m], None: unknown), and the pose of the camera in the hand that the user states
-    (`believed`, None: none).
+    axis (`along` [m], None: unknown), the pose of the camera in the hand that the user states
+    (`believed`, None: none), and how long before its stamp the middle of a picture was exposed
+    (`late` [s], 0: unknown), which the film's times have.
     """
 
     focal: bool = False
     along: float | None = None
     believed: Mount | None = None
+    late: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +105,7 @@ def compare(
         trust.believed,
         trusts_focal=trust.focal,
         trusts_along=trust.along is not None and not trust.focal,
+        late=trust.late,
     )
     return Comparison(film, moved, flows, offset, diagnosis, mount, verdict)
 

@@ -109,7 +109,8 @@ def motion(smooth: Smooth, *corrections: Correction) -> RobotMotion:
     values = np.hstack([values[:, :3] @ turn, values[:, 3:]])
     if smooth.kind is Kind.TWISTS:
         return of_twists(smooth.times, _in_hand(smooth.times, values, *frames))
-    return of_poses(smooth.times, _inverse(values) if smooth.is_inverse else values)
+    moved = of_poses(smooth.times, values)
+    return moved.inverse if smooth.is_inverse else moved
 
 
 def _in_hand(times: Array, twists: Array, of_v: Frame, of_w: Frame) -> Array:

@@ -197,15 +197,16 @@ def diagnose(
     candidates = corrections(smooth)
     singles = sorted((tried(each) for each in candidates), key=lambda trial: trial.cost)
     trials = [as_it_is, *singles]
+    two_frames = list(mixed(smooth))
     if not any(is_good(trial, floor) for trial in trials):
-        trials += [tried(each) for each in mixed(smooth)]
+        trials += [tried(each) for each in two_frames]
     if not any(is_good(trial, floor) for trial in trials):
         best = [trial.corrections[0] for trial in singles[:SINGLES] if trial.corrections]
         pairs = {
             frozenset((id(one), id(other))): (one, other)
             for one in candidates
-            for other in candidates
-            if (one in best or (one.is_usual and other.is_usual))
+            for other in [*candidates, *two_frames]
+            if (one in best or (one.is_usual and (other.is_usual or other in two_frames)))
             and one.mistake.split()[:4] != other.mistake.split()[:4]
         }
         coarse = _part(tracks, *GLANCED)

@@ -167,7 +167,7 @@ def _columns(names: Sequence[str], scenario: str | None, path: Path) -> tuple[Ki
 def kinematics(scenario: str, columns: Sequence[str], path: Path) -> Callable[[Array], Array]:
     """Return the forward kinematics of a scenario's robot: a function from joint positions (n, k)
     [m, rad], in the order of the log's columns, to poses (n, 7) of the camera in the world frame
-    (in the target's frame if the robot holds the target): x, y, z [m] and a quaternion x, y, z, w.
+    (of the hand if the robot holds the target): x, y, z [m] and a quaternion x, y, z, w.
 
     Args:
         scenario: The scenario.
@@ -192,7 +192,7 @@ def kinematics(scenario: str, columns: Sequence[str], path: Path) -> Callable[[A
     def poses(joints: Array) -> Array:
         rows: list[Array] = []
         for q in joints[:, order]:
-            pose = robot.place(data, q)
+            pose = robot.mounting.hand(robot.place(data, q))
             w, *vector = quaternion_of(pose.rotation)
             rows.append(np.array([*pose.translation, *vector, w]))
         return np.stack(rows)

@@ -148,7 +148,9 @@ def write_replay(
 
 def _difference(real: Image, drawn: Image) -> Array:
     """Return the absolute difference (H, W) of two pictures in grey."""
-    one, other = (cv2.cvtColor(each, cv2.COLOR_RGB2GRAY).astype(float) for each in (real, drawn))
+    one, other = (
+        cv2.cvtColor(each.astype(np.float32), cv2.COLOR_RGB2GRAY) for each in (real, drawn)
+    )
     return np.abs(one - other)
 
 

@@ -53,6 +53,12 @@ class RobotMotion:
         back = turned.transpose(0, 2, 1)
         return back @ turned_later, np.einsum("kij,kj->ki", back, place_later - place)
 
+    @property
+    def inverse(self) -> "RobotMotion":
+        """Return the motion of the base in the hand's frame."""
+        back = self.turns * (-1, -1, -1, 1)
+        return RobotMotion(self.times, -Rotation.from_quat(back).apply(self.positions), back)
+
     def twists(self, begin: Array, end: Array) -> Array:
         """Return the mean twists (k, 6) of the hand between two times [m/s, rad/s], linear part
         first, in the frame of the hand halfway between them.

@@ -34,15 +34,17 @@ SHOWN_PICTURES = 4
 
 def table(compared: Comparison) -> Table:
     """Return the table of a comparison of log and film: a row for each finding, whether it is ok,
-    wrong or refused, and what to change.
+    to be adjusted, wrong or refused, and what to change.
     """
     rows: list[list[Cell]] = []
     for each in compared.verdict.findings:
-        word = "ok" if each.is_good else "refused" if "refused" in each.found else "wrong"
+        badge = Badge("refused" if "refused" in each.found else "wrong", Tone.BAD)
+        if each.is_good:
+            badge = Badge("adjust", Tone.PLAIN) if each.change else Badge("ok", Tone.GOOD)
         rows.append(
             [
                 each.what,
-                Badge(word, Tone.GOOD if each.is_good else Tone.BAD),
+                badge,
                 each.found.removeprefix("refused: "),
                 each.change,
             ]

@@ -35,12 +35,17 @@ MANY_STRAY = 0.3
 """Share of points off the fit above which the scene itself seems to move."""
 DARK = 0.3
 """Share of dark pictures above which a film is too dark."""
+LATE = 5e-3
+"""Least offset of the clocks for which the row about it says what to change [s]."""
 DRIFTS = 2e-4
 """Least drift of the clocks that is reported [s/s]."""
 FOCAL_OFF = 0.05
 """Least error of the focal length that is reported."""
 TURNED = np.radians(8.0)
-"""Largest distance of a mount from a turn by right angles that is named as such [rad]."""
+"""Largest distance of a mount from a turn by right angles that is named as such, or from the stated
+one by which equal explanations are told apart [rad]."""
+FAR = np.radians(30.0)
+"""The latter, if no explanation is within the former [rad]."""
 APART = np.radians(2.0)
 """Least turn between the linear and the angular part of a log that is reported [rad]."""
 MIXED = (
@@ -68,6 +73,7 @@ class Finding:
     change: str = ""
     """What to change; empty: nothing."""
     is_good: bool = True
+    """False if the robot must not move by its camera before the change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +124,7 @@ def judge(
     *,
     trusts_focal: bool,
     trusts_along: bool,
+    late: float = 0.0,
 ) -> Verdict:
     """Return the verdict of a pre-flight: what is right, wrong, or too uncertain to be stated.
 
@@ -133,6 +140,7 @@ def judge(
         trusts_focal: Whether the focal length is calibrated.
         trusts_along: Whether the distance from the hand's origin to the camera along the optical
             axis is known.
+        late: How long before its stamp the middle of a picture was exposed [s]; 0: unknown.
     """
     findings: list[Finding] = []
     doubts = list(_of_film(tracks))
@@ -154,7 +162,7 @@ def judge(
         "its rotation is not known" if why else _no_lever(mount, axes, trusts_focal or trusts_along)
     )
     if not why_no_offset:
-        findings += _of_clock(offset, mount, use_fit=not why)
+        findings += _of_clock(offset, mount, late, use_fit=not why)
     halves = mount.halves
     if why:
         findings.append(Finding("mount: rotation", f"refused: {why}", RECORD, is_good=False))
@@ -332,14 +340,16 @@ def _of_diagnosis(diagnosis: Diagnosis) -> list[Finding]:
     ]
 
 
-def _of_clock(offset: Offset, mount: Mount, *, use_fit: bool) -> list[Finding]:
+def _of_clock(offset: Offset, mount: Mount, late: float, *, use_fit: bool) -> list[Finding]:
     """Return the rows about the clocks."""
+    when = "end of its exposure, last row" if late else "middle of its exposure, middle row"
     value, half = (mount.offset, mount.halves[0]) if use_fit else (offset.value, offset.half)
     rows = [
         Finding(
             "clock offset",
             f"{MM * value:.2f} ms, +- {MM * half:.2f}: a picture with the stamp t was taken at "
-            "t + offset on the log's clock (middle of its exposure, middle row)",
+            f"t + offset on the log's clock ({when})",
+            f"add {MM * value:.2f} ms to the stamp of each picture" * (abs(value) > LATE),
         )
     ]
     drift = mount.drift
@@ -447,8 +457,9 @@ def believed_mount(numbers: tuple[float, ...]) -> Mount:
 
 def preferred(diagnosis: Diagnosis, believed: Mount | None) -> Diagnosis:
     """Return a diagnosis without those equally good explanations whose mount is turned from the
-    stated one by at least 30 deg more than that of the nearest explanation. It is unchanged if no
-    mount is stated, or if there is one explanation only.
+    stated one by at least 30 deg more than that of the nearest explanation, or by 8 deg more if the
+    nearest is within 8 deg. It is unchanged if no mount is stated, or if there is one explanation
+    only.
 
     Args:
         diagnosis: The explanations of a recording, each with its mount.
@@ -458,9 +469,7 @@ def preferred(diagnosis: Diagnosis, believed: Mount | None) -> Diagnosis:
         return diagnosis
     trials = [diagnosis.best, *diagnosis.others]
     near = [angle_of(believed.rotation.T @ trial.mount.rotation) for trial in trials]
-    kept = [
-        trial
-        for trial, angle in zip(trials, near, strict=True)
-        if angle < min(near) + np.radians(30)
-    ]
+    # A stated mount that is far from all of them may itself be the mistake.
+    slack = TURNED if min(near) < TURNED else FAR
+    kept = [trial for trial, angle in zip(trials, near, strict=True) if angle < min(near) + slack]
     return replace(diagnosis, best=kept[0], others=kept[1:])

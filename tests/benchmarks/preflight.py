@@ -439,6 +439,26 @@ def mistakes(count):
             "position in another frame",
             {"log": [turned], "names": [("turned against",)]},
         ),
+        (
+            "v in base and degrees",
+            {
+                "kind": Kind.TWISTS,
+                "log": [v_in_base, twist(scaled([3, 4, 5], 57.2958))],
+                "names": [("v is in the base",), ("in degrees",)],
+            },
+        ),
+        (
+            "w in base and angular first",
+            {
+                "kind": Kind.TWISTS,
+                "log": [w_in_base, twist(columns(3, 4, 5, 0, 1, 2))],
+                "names": [("and w in the base's",), ("angular part",)],
+            },
+        ),
+        (
+            "position in another frame and quaternion order",
+            {"log": [turned, order_w], "names": [("turned against",), ("w, x, y, z",)]},
+        ),
     ]
     for k, (name, of) in enumerate(cases[:count]):
         of = dict(of)
