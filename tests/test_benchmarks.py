@@ -165,6 +165,7 @@ def test_the_hashes_are_those_of_the_manual():
     assert [load(name).hash for name in NAMES] == [
         "734e2e1421d5ad10",
         "728d1dddd65c04ec",
+        "4a832359b0d1a289",
         "4be52229cac2b4c4",
     ]
 
@@ -842,7 +843,7 @@ def test_rows_and_their_parts_are_made_of_all_worlds():
 
 def test_the_shipped_rows_have_a_page(monkeypatch, capfd, tmp_path):
     monkeypatch.chdir(tmp_path)
-    for name, count in (("loop-v1", 21), ("servo-v1", 13)):
+    for name, count in (("loop-v1", 21), ("servo-v1", 13), ("servo-v2", 13)):
         assert call(monkeypatch, capfd, "report", name)[0] == 0
         page = (tmp_path / f"{name}.html").read_text()
         assert page.count("<td>home</td>") + page.count("<td>closed</td>") == count
@@ -890,7 +891,7 @@ def test_home_rows_are_grey_and_guests_are_named(public):
     assert full == (guests or {of[0] for of in table.rows})
     (section,) = [benchmark_section.published_section(public.name)]
     keys = {key.label for key in section.blocks[0].figures[0].keys}
-    numbers = {"servo-v1": 12, "goal-v1": 6}
+    numbers = {"servo-v1": 12, "servo-v2": 12, "goal-v1": 6}
     assert keys == {*guests, "still", "truth"} if guests else len(keys) == numbers[public.name]
 
 

@@ -94,9 +94,11 @@ def table(rows: Path) -> str:
 
 
 if __name__ == "__main__":
-    draft, path, *given = sys.argv[1:]
-    options = dict(option.split("=") for option in given)
-    chosen = options["contestants"].split(",") if "contestants" in options else []
+    draft, path, *words = sys.argv[1:]
+    options = dict(word.split("=", 1) for word in words)
+    given = options.get("contestants", "")
+    # Two networks of one tracker have a comma between them.
+    chosen = given.split(";" if ";" in given else ",") if given else []
     worlds = int(options.get("worlds", "6"))
     if not Path(path).is_dir():
         run(draft, Path(path), worlds, chosen, int(options.get("workers", "1")))
