@@ -230,6 +230,14 @@ class Frame:
     """Distance along the optical axis (H, W) [m], nan or 0 where the camera has none; None: the
     camera has no depth picture."""
 
+    def __post_init__(self) -> None:
+        """Make the picture read-only here, and leave the caller's array as it is."""
+        # numba would compile each loop a second time for pictures that can be written.
+        if getattr(getattr(self.image, "flags", None), "writeable", False):
+            picture = self.image.view()
+            picture.setflags(write=False)
+            object.__setattr__(self, "image", picture)
+
     def black(self) -> Frame:
         """Return a copy of this frame with a black picture of the same size, which takes no memory,
         and without depths.

@@ -227,10 +227,12 @@ def shared_sequences() -> Path:
 
 @pytest.fixture(scope="session")
 def smooth_image():
-    """A colourful random picture (120, 160, 3) without sharp edges."""
+    """A colourful random picture (120, 160, 3) without sharp edges, read-only as those of frames."""
     noise = np.random.default_rng(0).normal(128, 90, (120, 160, 3))
     blurred = cv2.GaussianBlur(noise, (0, 0), 3)
-    return np.clip((blurred - 128) * 3 + 128, 0, 255).astype(np.uint8)
+    image = np.clip((blurred - 128) * 3 + 128, 0, 255).astype(np.uint8)
+    image.setflags(write=False)
+    return image
 
 
 @pytest.fixture(autouse=True)

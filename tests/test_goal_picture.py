@@ -5,13 +5,13 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from measured import measured_run
 
 import servo
 from servo import Mistake
 from servo.controllers._plain_law import since
 from servo.features import homography
 from servo.loop.episode import Episode
-from servo.loop.run_measures import summarise
 from servo.scenario.load import load
 from servo.sight.picture_match import alignment, matrix_of
 from servo.sight.plane_motion import PlaneMotion
@@ -36,8 +36,7 @@ CAMERA = Camera(300.0, 290.0, 165.0, 118.0, 320, 240)
 def ends(name, *changes):
     """Distance [mm] and angle [deg] from the goal at the end of a run."""
     scenario = load(name, [*changes, "expect={}"])
-    steps = list(servo.run(scenario))
-    measures = summarise(steps, scenario.measure, 1 / scenario.camera.rate).measures
+    measures = measured_run(scenario)[1].measures
     return measures["end_position_mm"], measures["end_rotation_deg"]
 
 

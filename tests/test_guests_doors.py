@@ -224,7 +224,7 @@ TURNED = "circle spin six_motion turn_90_points turn_150_points border_pose late
 )
 def test_a_guest_that_returns_the_true_box_is_as_good_as_the_truth(oracle, scenario):
     guest = oracle()
-    settings = load(scenario, ["run.duration=0.6"])
+    settings = load(scenario, ["run.duration=0.4"])
     config = wrap(lambda: guest)()
     with Episode(dataclasses.replace(settings, tracker=config)) as episode:
         guest.knows(episode)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sim.types import Frame
 from tracking.loops import colour_labels, particle_loops, point_histograms
 
 RNG = np.random.default_rng(5)
@@ -103,7 +104,7 @@ def test_mean_shift_reports_the_coefficients_of_where_it_ends():
 
 @pytest.mark.parametrize("levels", [1, 2, 8, 10, 32])
 def test_colour_labels_agree_with_numpy(levels):
-    image = RNG.integers(0, 256, (20, 30, 3)).astype(np.uint8)
+    image = Frame(RNG.integers(0, 256, (20, 30, 3)).astype(np.uint8), 0.0, 0).image
     red, green, blue = np.moveaxis(image[3:17, 4:29].astype(int) * levels // 256, -1, 0)
     expected = red * levels**2 + green * levels + blue
     np.testing.assert_array_equal(colour_labels.labels(image, 4, 3, 29, 17, levels), expected)
@@ -111,11 +112,11 @@ def test_colour_labels_agree_with_numpy(levels):
 
 
 def test_evened_colours_agree_and_hardly_depend_on_the_light():
-    image = RNG.integers(0, 256, (20, 30, 3)).astype(np.uint8)
+    image = Frame(RNG.integers(0, 256, (20, 30, 3)).astype(np.uint8), 0.0, 0).image
     whole = image.max(axis=2, keepdims=True).astype(int) + 8
     np.testing.assert_array_equal(colour_labels.evened(image, 8), 255 * image.astype(int) // whole)
-    bright = np.array([[[200, 120, 40]]], np.uint8)
-    dim = (bright * 0.7).astype(np.uint8)
+    bright = Frame(np.array([[[200, 120, 40]]], np.uint8), 0.0, 0).image
+    dim = Frame((bright * 0.7).astype(np.uint8), 0.0, 0).image
     change = colour_labels.evened(dim, 8).astype(int) - colour_labels.evened(bright, 8)
     assert np.abs(change).max() <= 5  # of 60 without
 
@@ -229,7 +230,8 @@ def test_equal_likelihoods_have_the_highest_exponent_up_to_their_number(target, 
 @pytest.mark.parametrize("levels", [2, 8, 10, 32])
 def test_labels_of_saturated_colours_are_the_first_and_last_bins(levels):
     for red, green, blue in np.ndindex(2, 2, 2):
-        image = np.full((2, 3, 3), 255 * np.array([red, green, blue]), np.uint8)
+        colour = 255 * np.array([red, green, blue])
+        image = Frame(np.full((2, 3, 3), colour, np.uint8), 0.0, 0).image
         label = (levels - 1) * (red * levels**2 + green * levels + blue)
         assert (colour_labels.labels(image, 0, 0, 3, 2, levels) == label).all()
         whole = 255 * max(red, green, blue) + 8

@@ -90,6 +90,8 @@ IMAGES = {
     "cyan": full(1, 2), "black or white": NOISE.choice([0, 255], (30, 40, 3)).astype(np.uint8),
     "centres of bins": (32 * NOISE.integers(0, 8, (30, 40, 3)) + 16).astype(np.uint8),
 }  # fmt: skip
+for each in IMAGES.values():
+    each.setflags(write=False)
 SMALL = ((4.0, 3.0), np.array([[-2.0, -1.0], [2.0, 1.0]]), (3.0, 2.5))
 
 

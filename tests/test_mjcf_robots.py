@@ -47,7 +47,7 @@ def test_an_arm_that_nobody_tuned_follows_the_line(request, name):
         "robot.kind=mjcf",
         f"robot.model={model}",
         "motion.x=-0.35",
-        "run.duration=6.0",
+        "run.duration=4.0",
         "measure.after=2.0",
         "estimator.kind=kalman_cv",
     ]

@@ -100,7 +100,7 @@ def test_each_part_keeps_its_contract_and_holds_the_target(
     test = (tmp_path / name / "tests" / f"test_{name}.py").read_text()
     assert f"    check_{section}(Config)\n" in test
     getattr(testing, f"check_{section}")(f"{name}:Config")
-    found = simulate(scenario, [f"{section}.kind={name}:Config", "run.duration=6.0"])
+    found = simulate(scenario, [f"{section}.kind={name}:Config", "run.duration=4.0"])
     assert found.outcome == Outcome.CONVERGED
     assert all("{{" not in path.read_text() for path in files)
 

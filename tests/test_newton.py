@@ -2,6 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
+from sim.types import Frame
 from tracking.loops import descent as loops
 from tracking.search.newton import UNITS, KernelGrid, KernelModel
 from tracking.types import Region, State
@@ -18,7 +19,8 @@ def target_image(state=TRUE, seed=2):
     A = np.array([[c, -s], [s, c]])
     offset = np.array([state.x, state.y]) - A @ [130.0, 100.0] - 0.5 + A @ [0.5, 0.5]
     warp = np.column_stack([A, offset])
-    return cv2.warpAffine(texture, warp, (160, 120), flags=cv2.INTER_LINEAR)
+    image = cv2.warpAffine(texture, warp, (160, 120), flags=cv2.INTER_LINEAR)
+    return Frame(image, 0.0, 0).image
 
 
 def linearise(model, image, x):

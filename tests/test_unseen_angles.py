@@ -2,6 +2,7 @@
 alone, and the outcome judges what is servoed.
 """
 
+import functools
 from dataclasses import dataclass, replace
 
 import cv2
@@ -22,6 +23,7 @@ TURNING = ("pf_ssd", "mk_ssd", "mk_pf", "kernel_pf")
 SIZE = (48, 48)
 
 
+@functools.cache
 def ground():
     rough = cv2.GaussianBlur(np.random.default_rng(0).normal(0, 1, (240, 320, 3)), (0, 0), 6)
     return np.clip(150 + 60 * rough / rough.std(), 0, 255).astype(np.uint8)
@@ -29,7 +31,7 @@ def ground():
 
 def seen(shape, x=160, y=120):
     """The picture of a plain target on a rough ground, and its region."""
-    image = ground()
+    image = ground().copy()
     colour = (30, 60, 160)
     width, height = (72, 36) if shape == "bar" else SIZE
     if shape == "bar":

@@ -13,6 +13,7 @@ from sim.motions import circle, line, still
 from sim.mounting import CAMERA
 from sim.robots import gantry
 from sim.targets import car
+from sim.types import Frame
 from sim.world import World, WorldConfig, WorldParts
 
 STILL = still.Config(heading_deg=10.0).build(np.random.default_rng())
@@ -97,6 +98,14 @@ def test_frames_are_read_only_and_have_the_asked_size():
     assert frame.image.shape == (160, 200, 3)
     assert not frame.image.flags.writeable
     made.close()
+
+
+def test_a_frame_shows_an_array_and_leaves_it_to_its_owner():
+    image = np.zeros((4, 5, 3), np.uint8)
+    frame = Frame(image, 0.0, 0)
+    image[1, 2] = 7
+    assert frame.image[1, 2].tolist() == [7, 7, 7]
+    assert not frame.image.flags.writeable
 
 
 def test_measured_twist_is_the_twist_that_was_asked_for(world):

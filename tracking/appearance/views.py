@@ -86,7 +86,9 @@ class Views:
         self._scale = state.scale
         if self._count > 1 and float(self.likeness(blurred, state.vector[None])[0]) <= NEW:
             newest = self._stored[max(len(self._stored) - self._count + 2, 1) :]
-            self._stored = np.vstack([self._stored[:1], newest, self._view(blurred, state)])
+            stored = np.vstack([self._stored[:1], newest, self._view(blurred, state)])
+            # By columns, as NumPy may join them, numba would compile the loop a second time.
+            self._stored = np.ascontiguousarray(stored)
 
     def search(self, blurred: Image, last: State, most: int) -> Array:
         """Return the states (n, 4) anywhere in a picture that are most similar to a stored view

@@ -43,12 +43,7 @@ def warm_up(config: PartConfig[Tracker]) -> list[Shot]:
 def _images() -> list[Image]:
     """Return four pictures of blurred noise: one, the same one moved by 1 and by 2 pixels, and one
     of other noise.
-
-    The last two are read-only as those of a simulated camera: numba compiles loops for both kinds.
     """
     noise = np.random.default_rng(0).integers(0, 256, (2, *SIZE, 3), np.uint8)
     first, other = (cv2.blur(each, BLUR) for each in noise)
-    images = [first, *(np.roll(first, pixels, axis=1) for pixels in (1, 2)), other]
-    for image in images[2:]:
-        image.flags.writeable = False
-    return images
+    return [first, *(np.roll(first, pixels, axis=1) for pixels in (1, 2)), other]
