@@ -4,6 +4,7 @@ factors, failures.
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,16 @@ COLUMNS = {
     "out": "out_of_view_pct",
 }
 """Columns of a law's table: measures of its row."""
+LAW_COLUMNS = (
+    "Near: worlds that end within 10 cm and 10 deg [%]. Medians over worlds: error that remains "
+    "[mm, deg], time [s], path [m] and retreat [m] of the camera, time with corners out of view "
+    "[%]; a dash where half of the worlds never settle."
+)
+SLOWEST = (
+    "Held: worlds in which the target is within its own size of the goal for 95 % of the time. "
+    f"Slowest: longest computing time with which half of the worlds of reversal are held [ms]; a "
+    f"dash where no more worlds are held than by {FROZEN}."
+)
 
 
 def section(folder: Path, study: StudyFile) -> Section:
@@ -64,7 +75,8 @@ def published_section(name: str) -> Section:
         name: Name of the benchmark, such as "loop-v1".
     """
     benchmark = load(name)
-    return _section(benchmark, shipped_rows(benchmark), Path(name), [])
+    found = _section(benchmark, shipped_rows(benchmark), Path(name), [])
+    return replace(found, kind="published results", folder="")
 
 
 def _section(
@@ -164,7 +176,7 @@ def blocks_of(
         shown = [standings_table(benchmark, rows)]
         found += [
             Block(f"Contestants{after}", text, tables=shown, figures=figures),
-            Block(f"What the worlds do{after}", tables=[_effects(worlds, table)]),
+            Block(f"Points by property of the world{after}", tables=[_effects(worlds, table)]),
         ]
     return found
 
@@ -194,10 +206,10 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
     note = (
         "Score: 0 where the camera stands still, "
         + ("100 for the truth; " if is_loop else "100 where each world is reached; ")
-        + "with its 95 % interval over worlds. Rank: as an interval (paired t, Holm over pairs)."
+        + "with its 95 % interval over worlds. Rank: as an interval (paired t, Holm over pairs). "
+        + "P: probability to be better than the next one in the same world. "
+        + (SLOWEST if is_loop else LAW_COLUMNS)
     )
-    if is_loop:
-        note += f" Slowest [ms]: a dash where no more worlds are held than by {FROZEN}."
     home = [i for i, standing in enumerate(table) if is_home(standing.row)]
     columns = ["slowest"] if is_loop else COLUMNS
     return Table([*head, *columns], found, range(2), note, home if len(home) < len(table) else ())
