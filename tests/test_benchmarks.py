@@ -847,7 +847,7 @@ def test_the_shipped_rows_have_a_page(monkeypatch, capfd, tmp_path):
         assert call(monkeypatch, capfd, "report", name)[0] == 0
         page = (tmp_path / f"{name}.html").read_text()
         assert page.count("<td>home</td>") + page.count("<td>closed</td>") == count
-        assert "What the worlds do" in page
+        assert "Points by property of the world" in page
     assert "others, see" not in (tmp_path / "loop-v1.html").read_text()
 
 
@@ -908,7 +908,7 @@ def test_other_pictures_have_a_table_of_their_own():
     blocks = benchmark_section.blocks_of(loop, loop.every_world(Band("v1")), groups)
     assert [b.title for b in blocks][2:] == [
         f"Contestants, pictures {copied.rendering}",
-        f"What the worlds do, pictures {copied.rendering}",
+        f"Points by property of the world, pictures {copied.rendering}",
     ]
 
 

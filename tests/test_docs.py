@@ -106,6 +106,24 @@ def test_the_gallery_moves(monkeypatch, tmp_path):
 
 
 @pytest.mark.processes
+def test_the_site_has_every_example_and_what_it_says_of_attributes(site):
+    page = (site / "servo" / "docs" / "examples.html").read_text()
+    scripts = {path.stem for path in (ROOT / "servo" / "examples").glob("[a-z]*.py")}
+    assert set(re.findall(r"<h2>(\w+)<", page)) == scripts
+    python = (site / "servo" / "docs" / "api.html").read_text()
+    assert "Of the lens; None: there is none." in python  # not "Of the lens; None" as a type
+
+
+@pytest.mark.processes
+def test_an_example_that_is_run_shows_what_it_prints(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "servo" / "docs")
+    example = runpy.run_path(str(ROOT / "servo" / "docs" / "pages.py"))["_example"]
+    text = example(ROOT / "servo" / "examples" / "own_tracker.py", is_run=True)
+    assert text.startswith("\n## own_tracker\n\nExample of a custom tracker in the closed loop: ")
+    assert re.search(r"\nIt prints:\n\n```text\n.* from the goal: [\d.]+ px\n```\n$", text)
+
+
+@pytest.mark.processes
 @pytest.mark.parametrize("width", [1600, 390])
 def test_pages_are_as_wide_as_the_screen(site, browser, width):
     screen = {"width": width, "height": 844, "deviceScaleFactor": 1, "mobile": width < 500}
@@ -116,6 +134,14 @@ def test_pages_are_as_wide_as_the_screen(site, browser, width):
         found = browser.execute_script(TOO_WIDE, width) + browser.execute_script(CUT)
         wrong += [(page.name, text) for text in found]
     assert wrong == []
+
+
+@pytest.mark.processes
+def test_the_first_page_begins_as_the_readme_does(site):
+    page = (site / "servo" / "docs" / "index.html").read_text()
+    first = (ROOT / "README.md").read_text().split("**")[1]
+    assert 0 < page.index(f"<strong>{first}</strong>") < page.index("servobench run reversal")
+    assert "From Python</h2>" not in page
 
 
 @pytest.mark.processes

@@ -26,9 +26,9 @@ exclude_patterns = [".*", "runs", "dist", "servo/cli/templates", "servo/docs/pap
 extensions = [
     "formulas",
     "myst_parser",
-    "pages",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
+    "pages",
     "sphinx_click",
     "sphinx_copybutton",
 ]

@@ -1,13 +1,17 @@
-"""A Sphinx extension that makes pages from the code: settings, measures, gallery, results of the
-benchmarks, and tutorials as notebooks.
+"""A Sphinx extension that makes pages from the code: settings, measures, gallery, examples, results
+of the benchmarks, and tutorials as notebooks.
 """
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from importlib import resources
+from inspect import getdoc
 from itertools import islice
-from pathlib import PurePosixPath
-from typing import TYPE_CHECKING
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, cast
 
 import cv2
 from notebooks import notebook, with_outputs
@@ -28,14 +32,13 @@ from tracking.drawing.film_page import panel
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-    from pathlib import Path
 
     from sphinx.application import Sphinx
 
     from sim.types import Image
 
 logger = getLogger(__name__)
-PAGES = ["servo/docs/gallery", "servo/docs/measures", "servo/docs/settings"]
+PAGES = [f"servo/docs/{name}" for name in ("examples", "gallery", "measures", "settings")]
 """Pages that are made anew in each build."""
 WIDTH = 240
 """Width of a picture in the gallery [px]."""
@@ -55,6 +58,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_config_value("run_tutorials", False, "env", bool)
     app.connect("env-get-outdated", lambda *_: PAGES)  # the code may have changed
     app.connect("source-read", _complete)
+    app.connect("autodoc-process-docstring", _begin_with_comment, priority=400)  # before napoleon
     app.connect("build-finished", _finish)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -74,14 +78,37 @@ def _complete(app: Sphinx, page: str, source: list[str]) -> None:
         source[0] += _table(("measure", "unit", "meaning"), rows)
     if page == "servo/docs/gallery":
         source[0] += _gallery(app.outdir / "gallery", app.config.gallery_seconds)
+    if page == "servo/docs/examples":
+        scripts = sorted((Path(servo.__file__).parent / "examples").glob("[a-z]*.py"))
+        source[0] += "".join(_example(s, is_run=app.config.run_tutorials) for s in scripts)
     if page == "scenes/benchmarks/README":
-        source[0] += "\n## All of the published rows\n\n" + "".join(
-            f'- <a href="../../{name}.html">{name}: conditions, curves, factors</a>\n'
-            for name in NAMES
-        )
+        links = [f'- <a href="../../{n}.html">{n}: rows, conditions, curves</a>\n' for n in NAMES]
+        rows = f"\n## All of the published rows\n\n{''.join(links)}"
+        source[0] = source[0].replace("\n## ", f"{rows}\n## ", 1)
     path = PurePosixPath(page)
     if path.parent.name == "tutorials" and path.name != "README":
         source[0] = _with_notebook(app, source[0], path.name)
+
+
+def _begin_with_comment(_: Sphinx, what: str, *rest: object) -> None:
+    """Insert an empty comment before the docstring of an attribute or property, the last argument:
+    napoleon takes what is before a colon in the first line as the type.
+    """
+    if what in ("attribute", "property"):
+        lines = cast("list[str]", rest[-1])
+        lines[:0] = ["..", ""]
+
+
+def _example(path: Path, *, is_run: bool) -> str:
+    """Return an example script in Markdown, with what it prints if it is run."""
+    _, about, program = path.read_text(encoding="utf-8").split('"""', 2)
+    text = f"\n## {path.stem}\n\n{about.strip()}\n\n```python\n{program.strip()}\n```\n"
+    if is_run:
+        with TemporaryDirectory() as folder:
+            words = [sys.executable, "-m", f"servo.examples.{path.stem}"]
+            done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=True)
+        text += f"\nIt prints:\n\n```text\n{done.stdout.strip()}\n```\n"
+    return text
 
 
 def _settings() -> str:
@@ -89,7 +116,7 @@ def _settings() -> str:
     text = "\n## Sections\n"
     for name, config in SECTIONS.items():
         rows = settings_rows(name, form(config, described=True))
-        text += f"\n### `[{name}]`\n\n{config.__doc__ or ''}\n\n{_settings_table(rows)}"
+        text += f"\n### `[{name}]`\n\n{getdoc(config)}\n\n{_settings_table(rows)}"
     for part, folder in FOLDERS.items():
         text += f"\n## Kinds of {part}\n"
         for kind in folder.names():

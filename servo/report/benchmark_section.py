@@ -4,6 +4,7 @@ factors, failures.
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,17 @@ COLUMNS = {
     "farthest px": "excursion_px",
 }
 """Columns of a law's table: measures of its row. Older rows do not have all."""
+LAW_COLUMNS = (
+    "Near: worlds that end within 10 cm and 10 deg [%]. Medians over worlds: error that remains "
+    "[mm, deg], time [s], path [m], turns [deg] and retreat [m] of the camera, time with corners "
+    "out of view [%], a corner's largest distance from the middle of the picture [px]; a dash "
+    "where half of the worlds never settle, or where an older row has no value."
+)
+SLOWEST = (
+    "Held: worlds in which the target is within its own size of the goal for 95 % of the time. "
+    f"Slowest: longest computing time with which half of the worlds of reversal are held [ms]; a "
+    f"dash where no more worlds are held than by {FROZEN}."
+)
 
 
 def section(folder: Path, study: StudyFile) -> Section:
@@ -78,7 +90,8 @@ def published_section(name: str) -> Section:
             f"{name} has no published results yet: run `servobench benchmark {name}`, and give "
             "the folder that it writes"
         )
-    return _section(benchmark, rows, Path(name), [])
+    found = _section(benchmark, rows, Path(name), [])
+    return replace(found, kind="published results", folder="")
 
 
 def _section(
@@ -178,7 +191,7 @@ def blocks_of(
         shown = [standings_table(benchmark, rows)]
         found += [
             Block(f"Contestants{after}", text, tables=shown, figures=figures),
-            Block(f"What the worlds do{after}", tables=[_effects(worlds, table)]),
+            Block(f"Points by property of the world{after}", tables=[_effects(worlds, table)]),
         ]
     return found
 
@@ -209,10 +222,10 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
     note = (
         "Score: 0 where the camera stands still, "
         + ("100 for the truth; " if is_loop else "100 where each world is reached; ")
-        + "with its 95 % interval over worlds. Rank: as an interval (paired t, Holm over pairs)."
+        + "with its 95 % interval over worlds. Rank: as an interval (paired t, Holm over pairs). "
+        + "P: probability to be better than the next one in the same world. "
+        + (SLOWEST if is_loop else LAW_COLUMNS)
     )
-    if is_loop:
-        note += f" Slowest [ms]: a dash where no more worlds are held than by {FROZEN}."
     home = [i for i, standing in enumerate(table) if is_home(standing.row)]
     return Table([*head, *columns], found, range(2), note, home if len(home) < len(table) else ())
 

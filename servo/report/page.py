@@ -168,13 +168,14 @@ class Section:
     """
 
     kind: str
-    """The command that wrote the folder, such as "run"."""
+    """The command that wrote the folder, such as "run", or what the section shows without one."""
     title: str
     lead: str
     verdict: Badge
     facts: Sequence[Fact]
     blocks: Sequence[Block]
     folder: str
+    """The folder of the results; "": none."""
 
 
 def again(made: Made) -> Block:
