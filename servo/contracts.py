@@ -337,7 +337,7 @@ def check_names(features: FeatureSet) -> None:
     Raises:
         BrokenContract: There are no names, or they are not different strings; there are more or
             fewer units or noises than names; feed_forward or sole_dof names an unknown feature; a
-            noise is not a finite number above 0; or a value of sole_dof is none of "vx", "vy",
+            noise is not a finite number above 0; or a value of sole_dof is not one of "vx", "vy",
             "vz", "wx", "wy", "wz".
     """
     names = features.names
@@ -359,7 +359,7 @@ def check_names(features: FeatureSet) -> None:
     )
     require(
         set(features.sole_dof) <= {*names} and set(features.sole_dof.values()) <= {*DOF},
-        "sole_dof has a key that is no feature, or a value that is none of {}",
+        "sole_dof has a key that is no feature, or a value that is not one of {}",
         ", ".join(DOF),
     )
     require(

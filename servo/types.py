@@ -93,7 +93,7 @@ class Sight:
 
     @property
     def aim(self) -> Sight:
-        """The desired view of the target; this object itself, if it is the desired view."""
+        """The desired view of the target: `goal`, or this object itself if it has no goal."""
         return self.goal or self
 
     @cached_property

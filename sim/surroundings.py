@@ -15,7 +15,7 @@ from annotated_types import Ge, Le
 
 from sim.files.picture_name import picture_named
 from sim.models.paint import PLAIN, SIDES, SQUARE, Colour, add_rectangles, rgba
-from sim.models.shapes import lay
+from sim.models.shapes import lay, picture_of
 from sim.ranges import Degrees, File, Length, Share
 from sim.types import Array, Image, Pose
 
@@ -233,10 +233,8 @@ def colours_of(target: mujoco.MjSpec) -> Array:
         material = model.geom_matid[geom]
         textures = [] if material < 0 else [t for t in model.mat_texid[material] if t >= 0]
         if textures:
-            begin = model.tex_adr[textures[0]]
-            size = model.tex_height[textures[0]] * model.tex_width[textures[0]]
-            pixels = model.tex_data[begin:][: 3 * size].reshape(-1, 3)
-            found.append(pixels[:: max(1, size // 16)] / 255.0)
+            pixels = picture_of(model, textures[0]).reshape(-1, 3)
+            found.append(pixels[:: max(1, len(pixels) // 16)] / 255.0)
         else:
             plain = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
             found.append(plain[None, :3].astype(float))

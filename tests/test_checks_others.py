@@ -24,7 +24,7 @@ FEATURES = {
     "feed_forward names features that the set does not have; take only those in names": {
         "feed_forward": ("z",)
     },
-    "sole_dof has a key that is no feature, or a value that is none of vx, vy": {
+    "sole_dof has a key that is no feature, or a value that is not one of vx, vy": {
         "sole_dof": {"x": "ux"}
     },
     "noise is not an array of 2 numbers above 0": {"noise": np.zeros(2)},

@@ -1,5 +1,7 @@
 """The mutants that tests/benchmarks/mutants.py draws from: which there are, and which are not."""
 
+from types import SimpleNamespace
+
 import pytest
 
 CODE = '''"""Never 1 + 1."""
@@ -68,3 +70,17 @@ def test_what_must_run_is_the_statement_up_to_the_place(mutant_sites):
     lines = {s.old: s.lines for s in mutant_sites.sites("f.py", CODE)}
     assert lines["5"] == (13, 14)
     assert lines["1.5"] == (16, 16)
+
+
+def test_a_run_of_the_tests_that_ends_early_is_no_map(root, monkeypatch, tmp_path):
+    pytest.importorskip("coverage")
+    monkeypatch.syspath_prepend(root / "tests" / "benchmarks")
+    import mutant_map
+
+    copy = SimpleNamespace(folder=tmp_path, root=root, pytest=lambda *_, **__: 2)
+    with pytest.raises(SystemExit) as ended:
+        mutant_map.measure(copy, ["tests/test_dof.py"])
+    assert str(ended.value) == (
+        f"no map of the tests: pytest ended early (exit code 2): {tmp_path}/output.txt says why; "
+        "mend it and run the same command again"
+    )

@@ -109,7 +109,7 @@ def test_it_is_given_camera_pose_and_depth_since_the_first_picture(tmp_path):
     [
         (
             {"image": PICTURE},
-            "the network's input 'image' is none of picture, goal_picture, joints, camera, "
+            "the network's input 'image' is not one of picture, goal_picture, joints, camera, "
             "pose, depth: rename the input",
         ),
         (

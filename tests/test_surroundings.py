@@ -8,6 +8,7 @@ import servo
 from servo.mistake import Mistake
 from sim.camera.renderer import Unseen
 from sim.models.assembly import build_model, with_stands
+from sim.models.shapes import lay
 from sim.surroundings import ClutterConfig, GroundConfig, LightConfig, Surroundings, colours_of
 from sim.world import World, WorldParts
 
@@ -81,6 +82,16 @@ def test_things_alike_have_colours_of_the_target():
     np.testing.assert_allclose(colours_of(spec), [[1.0, 0.0, 0.0]])
     plate = servo.load("still", ["target.kind=plate"]).target.build(np.random.default_rng(0)).spec
     assert len(np.unique(colours_of(plate), axis=0)) > 8
+
+
+@pytest.mark.parametrize(
+    ("pixel", "colour"), [((51,), (51, 51, 51)), ((255, 0, 51, 102), (255, 0, 51))]
+)
+def test_colours_of_a_target_whose_picture_has_one_or_four_channels(pixel, colour):
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(size=(0.1, 0.1, 0.1), material="m")
+    lay(spec, np.full((8, 10, len(pixel)), pixel, np.uint8), spec.add_material(name="m"), "t")
+    np.testing.assert_allclose(colours_of(spec), np.tile(colour, (16, 1)) / 255)
 
 
 def test_light_comes_from_where_it_is_said_and_has_its_colour():

@@ -44,7 +44,9 @@ def test_the_same_seed_gives_the_same_track(monkeypatch, capfd, folder):
     np.testing.assert_array_equal(one.corners, two.corners)
 
 
-def test_a_truth_beside_the_pictures_gives_region_and_measures(monkeypatch, capfd, folder):
+def test_a_truth_in_the_folder_of_the_pictures_gives_region_and_measures(
+    monkeypatch, capfd, folder
+):
     (folder / "seq").mkdir()
     (folder / "in").rename(folder / "seq" / "img")
     lines = [f"{41 + 2 * k},31,30,20" for k in range(FRAMES)]
@@ -123,7 +125,7 @@ def test_a_video_is_tracked_and_a_recording_written(monkeypatch, capfd, folder):
 BAD = {
     "no region": (
         ["in"],
-        "in: there is no truth file beside this source; give --region X,Y,W,H[,DEG]",
+        "in: the region of the target is missing; give --region X,Y,W,H[,DEG], or a folder with a truth file",
     ),
     "an empty region": (
         ["in", "--region", "40,30,0,20"],

@@ -113,7 +113,7 @@ def check() -> None:
 @click.option(
     "--truth",
     type=opt.PATH,
-    help="Truth to compare with: OTB, VOT, GOT-10k, TLD, CSV (default: a truth file beside it).",
+    help="Truth to compare with: OTB, VOT, GOT-10k, TLD, CSV (default: the folder's own).",
 )
 @click.option(
     "--truth-format",

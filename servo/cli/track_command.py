@@ -44,7 +44,7 @@ from tracking.evaluation.warm_up import warm_up
 from tracking.files.json_text import number
 from tracking.sequences import truth as truths
 from tracking.sequences.quadrilateral import placement
-from tracking.sequences.sequence import check_truth, source_of, truth_beside
+from tracking.sequences.sequence import check_truth, source_of, truth_of
 from tracking.sequences.sources import SECOND, End, Source
 from tracking.sequences.stream import shown
 from tracking.trackers import KINDS as TRACKERS
@@ -80,7 +80,7 @@ def run(
         tracker: The tracker, such as "kams" or "kams:paper".
         changes: Changes of its settings, such as "tracker.particles=80".
         seed: Seed of the tracker's random numbers.
-        truth: A file of the truth; None: one beside the source, if there is one.
+        truth: A file of the truth; None: that in the folder of the pictures, if there is one.
         truth_format: "otb", "vot", "tld", "csv" or "auto".
         out: The folder to write; None: the next free runs/SOURCE-TRACKER-SEED.
         rerun: Whether to write a Rerun recording.
@@ -231,13 +231,13 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[Table, PartConfig[Tra
 
 
 def _truth(truth: Path | None, form: truths.Format, source: str, stream: Source) -> Array | None:
-    """Return the true corners (n, 4, 2) [px] in the given file or in one beside the source; None
-    without such a file.
+    """Return the true corners (n, 4, 2) [px] in the given file or in that of a folder of pictures;
+    None without such a file.
 
     Raises:
         Mistake: The source has no end, or the truth does not fit it.
     """
-    path = truth or truth_beside(source)
+    path = truth or truth_of(source)
     if path is None:
         return None
     if stream.count is None:
@@ -263,7 +263,8 @@ def _placement(region: str | None, source: str, truth: Array | None) -> tuple[Re
         return region_of(region)
     if truth is None:
         raise Mistake(
-            f"{source}: there is no truth file beside this source; give --region X,Y,W,H[,DEG]"
+            f"{source}: the region of the target is missing; give --region X,Y,W,H[,DEG], or a "
+            "folder with a truth file"
         )
     if not np.isfinite(truth[0]).all():
         raise Mistake("the truth has no target in the first picture; give --region X,Y,W,H[,DEG]")

@@ -188,7 +188,8 @@ def _check_input(file: str, name: str, kind: str, shape: Sequence[int | str | No
     """
     if name not in INPUTS:
         raise ValueError(
-            f"{file}: the network's input '{name}' is none of {', '.join(INPUTS)}: rename the input"
+            f"{file}: the network's input '{name}' is not one of {', '.join(INPUTS)}: rename the "
+            "input"
         )
     wanted = INPUTS[name]
     fits = len(shape) == len(wanted) and all(

@@ -10,8 +10,9 @@ import servo
 scenario = servo.load("occlusion_partial", controller="hold", tracker="truth", duration=2.0)
 steps = list(servo.run(scenario))
 with av.open("target.mp4", "w") as film:
-    stream = film.add_stream("libx264", rate=30, options={"crf": "12"})
-    stream.width, stream.height, stream.pix_fmt = 320, 240, "yuv420p"
+    stream = film.add_stream(
+        "libx264", rate=30, options={"crf": "12"}, width=320, height=240, pix_fmt="yuv420p"
+    )
     for step in steps:
         film.mux(stream.encode(av.VideoFrame.from_ndarray(step.frame.image, format="rgb24")))
     film.mux(stream.encode())

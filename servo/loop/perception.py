@@ -114,10 +114,10 @@ class Perception:
     def track(
         self, frame: Frame, posture: Posture, interval: float, truth: Truth | None
     ) -> Estimate:
-        """Return the tracker's estimate for the next picture. If its size has changed more than is
-        possible, the estimate has the scale to use instead as `likely_scale`. If `frame.fresh` is
-        False, because the camera delivered no new picture, return the previous estimate without
-        calling the tracker.
+        """Return the tracker's estimate for the next picture. If the estimated size has changed by
+        more than target and camera can have moved, `likely_scale` of the estimate is the scale to
+        use instead. If the camera delivered no new picture (`frame.fresh` is False), return the
+        previous estimate without calling the tracker.
 
         Args:
             frame: The picture.

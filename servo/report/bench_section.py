@@ -159,9 +159,9 @@ def _mean(mean: Interval | None, units: int) -> str:
 
 
 def families_table(trackers: Sequence[Rank]) -> Table | None:
-    """Return a table of the mean area under the success curve (AUC) of each tracker on each
-    sequence; None if there is one sequence only. The columns are the trackers, or the sequences if
-    these are fewer.
+    """Return a table of each tracker's mean area under the success curve (AUC) on each sequence, or
+    None if there is only one sequence. Each tracker has a column and each sequence a row, or the
+    other way round if there are fewer sequences than trackers.
 
     Args:
         trackers: The trackers with their means, the best one first.

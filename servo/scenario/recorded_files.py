@@ -90,7 +90,7 @@ def _truth_beside(path: Path) -> Path | None:
     else None.
     """
     if path.is_dir():
-        return sequence.truth_beside(str(path))
+        return sequence.truth_of(str(path))
     beside = (path.with_suffix(suffix) for suffix in (".csv", ".txt"))
     return next((each for each in beside if each.is_file()), None)
 

@@ -95,11 +95,12 @@ def _view(camera: Camera) -> Camera:
 
 
 class Sensor:
-    """Makes camera frames from rendered pinhole pictures: motion blur or rolling shutter, lens
-    distortion, brightness, noise and automatic gain, by the settings `config`.
+    """Makes a camera's pictures from rendered pinhole pictures: adds motion blur or the effect of a
+    rolling shutter, lens distortion, brightness, noise and automatic gain, as the settings `config`
+    say.
 
-    `bands` are the exposures of a frame (`sim.timing.exposures`): groups of rows, and the physics
-    steps whose pictures they are the mean of. `rng` draws the noise.
+    `bands` (`sim.timing.exposures`) says how a picture is exposed: for each group of rows, the
+    physics steps whose rendered pictures are averaged. `rng` draws the noise.
     """
 
     def __init__(

@@ -102,3 +102,13 @@ def lay(spec: mujoco.MjSpec, picture: Image, material: mujoco.MjsMaterial, name:
     )
     texture.data = picture.tobytes()
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+
+
+def picture_of(model: mujoco.MjModel, texture: int) -> Image:
+    """Return the pixels of a texture of a compiled model as RGB (H, W, 3), uint8: grey if the
+    texture has one or two channels; a fourth channel is left out.
+    """
+    shape = (model.tex_height[texture], model.tex_width[texture], model.tex_nchannel[texture])
+    start = int(model.tex_adr[texture])
+    picture = model.tex_data[start : start + int(np.prod(shape))].reshape(shape)
+    return np.broadcast_to(picture[..., : 1 if shape[2] < 3 else 3], (*shape[:2], 3))

@@ -81,8 +81,8 @@ class RecordingRenderer:
         return np.full((self._view.height, self._view.width), is_seen)
 
     def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
-        """Return a function that returns a depth picture, float32 (H, W), of inf only: a recording
-        has no depths. `data` is not used.
+        """Return a function whose result is a depth picture (H, W), float32, in which all depths
+        are infinite, because a recording has none. `data` is not used.
         """
         return lambda: np.full((self._view.height, self._view.width), np.inf, np.float32)
 

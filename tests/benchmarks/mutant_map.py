@@ -9,10 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import coverage
+import pytest
 from mutant_runs import COMPILED, ROOT, Copy, listed
 
 PACKAGES = ("sim", "tracking", "servo")
 LEFT_OUT = {"tests/test_project.py": "lengths and wording of files are no behaviour"}
+RAN = (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED, pytest.ExitCode.NO_TESTS_COLLECTED)
+"""Exit codes after which every test has run; those that fail are in the map."""
 BUDGET = 90.0
 """Tests of a mutant that are expected to take longer than this in all [s] are left out: the
 slowest ones. A mutant that survives for that reason counts as not noticed."""
@@ -129,9 +132,14 @@ def measure(copy, files):
     shutil.rmtree(copy.folder / "lines", ignore_errors=True)
     (copy.folder / "lines").mkdir()
     left_out = [f"--ignore={file}" for file in LEFT_OUT]
-    copy.pytest(
+    code = copy.pytest(
         ["-n", "2", *left_out, *files], COVERAGE_PROCESS_START=settings, MUTANTS_TIMES=times
     )
+    if code not in RAN:
+        raise SystemExit(
+            f"no map of the tests: pytest ended early (exit code {code}): "
+            f"{copy.folder / 'output.txt'} says why; mend it and run the same command again"
+        )
     seconds, failed, users = defaultdict(float), set(), defaultdict(list)
     for file in copy.folder.glob("times.*.jsonl"):
         for row in map(json.loads, file.read_text().splitlines()):

@@ -140,7 +140,7 @@ def truths_in(folder: Path) -> list[Path]:
     return []
 
 
-def truth_beside(source: str) -> Path | None:
+def truth_of(source: str) -> Path | None:
     """Return the truth file (true outlines of the target) of a source of pictures, named as for
     `source_of`; None if the source is not a folder or has no such file.
 

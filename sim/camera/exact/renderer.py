@@ -16,6 +16,7 @@ from sim.camera import gl
 from sim.camera.exact import raster
 from sim.camera.exact.solids import face_normals, sky_of, solids_of, texture_of
 from sim.camera.renderer import Backdrop, DepthPromise, Promise, T, camera_pose
+from sim.models.shapes import picture_of
 from sim.types import Array, Camera, DepthPicture, Image
 
 DEFAULT_SHINE = (0.0, 0.5, 0.5)
@@ -244,14 +245,10 @@ def _lights(model: mujoco.MjModel, data: mujoco.MjData, to_camera: Array, eye: A
 
 def _picture(model: mujoco.MjModel, texture: int) -> Image:
     """Return a texture's pixels (h, w, 3); of a cube map, which is not drawn, its mean colour."""
-    shape = (model.tex_height[texture], model.tex_width[texture], model.tex_nchannel[texture])
-    start = int(model.tex_adr[texture])
-    picture = model.tex_data[start : start + int(np.prod(shape))].reshape(shape)
+    picture = picture_of(model, texture)
     if model.tex_type[texture] == mujoco.mjtTexture.mjTEXTURE_CUBE:
         picture = picture.mean(axis=(0, 1), keepdims=True).astype(np.uint8)
-    return np.broadcast_to(
-        picture[..., :1] if shape[2] < 3 else picture[..., :3], (*picture.shape[:2], 3)
-    )
+    return picture
 
 
 def _textures(model: mujoco.MjModel) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
