@@ -35,6 +35,37 @@ def test_each_seed_draws_a_direction_of_the_stated_length():
     assert OF["play"].settings(3.0, 1) == {"robot.backlash": pytest.approx(0.003)}
 
 
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("noise", {"camera.noise": 7.0}),
+        ("delay", {"run.latency_ms": 7.0}),
+        ("lag", {"robot.lag_ms": 7.0}),
+        ("play", {"robot.backlash": 0.007}),
+        ("encoder_step", {"robot.encoder_step": 0.007}),
+        ("focal_length", {"believed.fx_factor": 1.07}),
+        ("principal_point", {"believed.cx_shift": 4.2, "believed.cy_shift": 5.6}),
+        ("mount_rotation", {"believed.hand_eye_rotation_deg": [2.0, -3.0, 6.0]}),
+        ("mount_translation", {"believed.hand_eye_mm": [6.0, 3.0, -2.0]}),
+        ("depth", {"believed.depth_factor": 0.93}),
+        ("target_size", {"believed.size_factor": 1.07}),
+    ],
+)
+def test_a_magnitude_of_7_is_in_its_unit(name, wrong):
+    """Settings are in m and rad, as factors or in the unit of their name; magnitudes in mm, mrad,
+    ms, deg, px or %. Several numbers are a vector of this length."""
+
+    def off(settings):
+        return np.linalg.norm(
+            [np.linalg.norm(np.subtract(settings[key], OF[name].ideal[key])) for key in wrong]
+        )
+
+    plan = plan_of("still", *(f"{key}={value}" for key, value in wrong.items()))
+    assert plan.own[name] == pytest.approx(7.0)
+    assert OF[name].own(plan.base.parsed(1, plan.settings((), 1))) == 0.0
+    assert off(OF[name].settings(7.0, 1)) == pytest.approx(off(wrong))
+
+
 def test_nothing_wrong_is_an_ideal_scenario():
     plan = plan_of("line", "run.tracker_ms=20")
     ideal = plan.settings((), 1)
