@@ -191,10 +191,28 @@ def test_contributions_are_what_a_source_adds():
         plan.parts(sources, [None] * 10, 300.0)
 
 
-def test_parts_are_not_larger_than_the_whole():
-    def part(name, mm):
-        return Part(name, "", np.array([mm, 0.0, 0.0]), None, "1 of 1")
+def part(name, mm):
+    return Part(name, "", np.array([mm, 0.0, 0.0]), None, "1 of 1")
 
+
+def test_the_three_largest_parts_are_named_if_they_are_above_a_fifth_of_the_whole():
+    sizes = {"noise": 2.1, "play": 2.3, "lag": 2.2, "depth": 2.4}
+    parts = [part(NOTHING, 2.1), *(part(*pair) for pair in sizes.items()), part(TOGETHER, 10.0)]
+    begin = "At the end 10 mm (2.1 with nothing wrong), of which the depth is 2.4 and the play is "
+    assert sentence(parts) == f"{begin}2.3 and the lag is 2.2; 0 deg; 0 px."
+    parts = [part(NOTHING, 1.9), part("noise", 1.9), part("play", 2.1), part(TOGETHER, 10.0)]
+    assert sentence(parts) == "At the end 10 mm, of which the play is 2.1; 0 deg; 0 px."
+
+
+def test_a_part_of_a_bar_that_is_too_thin_to_be_seen_has_no_key():
+    """The shares of a bar are of squares; one needs 0.3 %."""
+    shares = {"noise": 0.0029, "play": 0.0031, "lag": 0.994}
+    parts = [part(name, share**0.5) for name, share in shares.items()]
+    keys = picture([part(NOTHING, 0.0), *parts, part(TOGETHER, 1.0)]).keys
+    assert [key.label for key in keys] == ["play", "lag"]
+
+
+def test_parts_are_not_larger_than_the_whole():
     said = sentence(
         [part(NOTHING, 0.0), part("focal_length", 6.0), part("depth", 8.0), part(TOGETHER, 5.0)]
     )
