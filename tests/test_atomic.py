@@ -63,6 +63,17 @@ def test_the_root_may_be_a_link_for_the_user_chose_it(tmp_path):
     assert (tmp_path / "large_disk" / "a.txt").read_text() == "ours"
 
 
+def test_who_may_read_and_write_a_new_file_is_for_the_user_to_say_and_nobody_executes_it(tmp_path):
+    before = os.umask(0o027)
+    with atomic.new_file(tmp_path / "new"), atomic.writing(tmp_path, "whole"):
+        os.umask(before)
+    assert {path.stat().st_mode & 0o777 for path in tmp_path.iterdir()} == {0o640}
+    os.umask(0)
+    atomic.new_file(tmp_path / "new").close()
+    os.umask(before)
+    assert (tmp_path / "new").stat().st_mode & 0o777 == 0o666
+
+
 def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
     happened = []
     flush, rename = os.fsync, os.replace

@@ -109,6 +109,16 @@ def test_bands_share_no_seed(public):
     assert not seeds[2] & other
 
 
+def test_sealed_seeds_stay_those_of_the_frozen_benchmark_the_digest_and_the_value():
+    """Anybody can draw the sealed worlds of a published row again, with any later version."""
+    found = load("loop-v1").every_world(Band("sealed", "a headline", "abc"))
+    assert [(world.key, world.seed) for world in (found[0], found[1], found[-1])] == [
+        ("plain-00", 894743184989),
+        ("plain-01", 444122274789),
+        ("camouflage-29", 872531158945),
+    ]
+
+
 def test_every_world_is_a_valid_scenario(public):
     ends = [one.settings for one in scale_of(public)]
     for world in public.every_world(Band("dev"), 3):

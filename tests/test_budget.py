@@ -35,6 +35,37 @@ def test_each_seed_draws_a_direction_of_the_stated_length():
     assert OF["play"].settings(3.0, 1) == {"robot.backlash": pytest.approx(0.003)}
 
 
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("noise", {"camera.noise": 7.0}),
+        ("delay", {"run.latency_ms": 7.0}),
+        ("lag", {"robot.lag_ms": 7.0}),
+        ("play", {"robot.backlash": 0.007}),
+        ("encoder_step", {"robot.encoder_step": 0.007}),
+        ("focal_length", {"believed.fx_factor": 1.07}),
+        ("principal_point", {"believed.cx_shift": 4.2, "believed.cy_shift": 5.6}),
+        ("mount_rotation", {"believed.hand_eye_rotation_deg": [2.0, -3.0, 6.0]}),
+        ("mount_translation", {"believed.hand_eye_mm": [6.0, 3.0, -2.0]}),
+        ("depth", {"believed.depth_factor": 0.93}),
+        ("target_size", {"believed.size_factor": 1.07}),
+    ],
+)
+def test_a_magnitude_of_7_is_in_its_unit(name, wrong):
+    """Settings are in m and rad, as factors or in the unit of their name; magnitudes in mm, mrad,
+    ms, deg, px or %. Several numbers are a vector of this length."""
+
+    def off(settings):
+        return np.linalg.norm(
+            [np.linalg.norm(np.subtract(settings[key], OF[name].ideal[key])) for key in wrong]
+        )
+
+    plan = plan_of("still", *(f"{key}={value}" for key, value in wrong.items()))
+    assert plan.own[name] == pytest.approx(7.0)
+    assert OF[name].own(plan.base.parsed(1, plan.settings((), 1))) == 0.0
+    assert off(OF[name].settings(7.0, 1)) == pytest.approx(off(wrong))
+
+
 def test_nothing_wrong_is_an_ideal_scenario():
     plan = plan_of("line", "run.tracker_ms=20")
     ideal = plan.settings((), 1)
@@ -160,10 +191,28 @@ def test_contributions_are_what_a_source_adds():
         plan.parts(sources, [None] * 10, 300.0)
 
 
-def test_parts_are_not_larger_than_the_whole():
-    def part(name, mm):
-        return Part(name, "", np.array([mm, 0.0, 0.0]), None, "1 of 1")
+def part(name, mm):
+    return Part(name, "", np.array([mm, 0.0, 0.0]), None, "1 of 1")
 
+
+def test_the_three_largest_parts_are_named_if_they_are_above_a_fifth_of_the_whole():
+    sizes = {"noise": 2.1, "play": 2.3, "lag": 2.2, "depth": 2.4}
+    parts = [part(NOTHING, 2.1), *(part(*pair) for pair in sizes.items()), part(TOGETHER, 10.0)]
+    begin = "At the end 10 mm (2.1 with nothing wrong), of which the depth is 2.4 and the play is "
+    assert sentence(parts) == f"{begin}2.3 and the lag is 2.2; 0 deg; 0 px."
+    parts = [part(NOTHING, 1.9), part("noise", 1.9), part("play", 2.1), part(TOGETHER, 10.0)]
+    assert sentence(parts) == "At the end 10 mm, of which the play is 2.1; 0 deg; 0 px."
+
+
+def test_a_part_of_a_bar_that_is_too_thin_to_be_seen_has_no_key():
+    """The shares of a bar are of squares; one needs 0.3 %."""
+    shares = {"noise": 0.0029, "play": 0.0031, "lag": 0.994}
+    parts = [part(name, share**0.5) for name, share in shares.items()]
+    keys = picture([part(NOTHING, 0.0), *parts, part(TOGETHER, 1.0)]).keys
+    assert [key.label for key in keys] == ["play", "lag"]
+
+
+def test_parts_are_not_larger_than_the_whole():
     said = sentence(
         [part(NOTHING, 0.0), part("focal_length", 6.0), part("depth", 8.0), part(TOGETHER, 5.0)]
     )

@@ -85,6 +85,17 @@ def test_where_rows_are_missing_intervals_cover_and_a_line_says_so(path):
     ]
 
 
+@pytest.mark.parametrize(("gone", "changed"), [(1, 1.995), (3, 1.985), (9, 1.955), (10, 2)])
+def test_a_command_that_changed_in_a_gap_of_up_to_9_rows_changed_in_its_middle(path, gone, changed):
+    """The command of the row at 2 s came at the stamp of a missing row or at its own."""
+    time = np.arange(400) / 100
+    kept = (time >= 2.0) | (time < 1.995 - gone / 100)
+    columns = {"time_s": time, "command_x_m_s": (time >= 2.0) / 10, "joint_x_m": time / 20}
+    pyarrow.csv.write_csv(pa.table(columns).filter(kept), path)
+    (channel,) = read(path).channels
+    assert channel.command.times[channel.command.values > 0][0] == pytest.approx(changed)
+
+
 def test_no_row_is_missing_where_two_sources_write_at_their_own_times(path):
     write(path, first_order(0.05))
     head, *rows = path.read_text().splitlines()
@@ -153,11 +164,13 @@ def test_an_encoder_that_reads_in_steps_has_a_step_and_no_noise_below_it(path):
     ) in lines(found, ["x", "y"], 0.008, [])
 
 
-def test_noise_is_that_before_the_readings_are_rounded(path):
-    write(path, first_order(0.02), noise=1e-4, step=1e-4, stands=0.5)
+@pytest.mark.parametrize(("noise", "steps"), [(1e-4, {"x": pytest.approx(1e-4)}), (1e-3, {})])
+def test_noise_is_that_before_the_readings_are_rounded(path, noise, steps):
+    """Digits far below the noise are no step of an encoder."""
+    write(path, first_order(0.02), noise=noise, step=1e-4, stands=0.5)
     found = identify(read(path), [1e-4])
-    assert found.step["x"] == pytest.approx(1e-4)
-    assert covers(found.noise["x"], 1e-4)
+    assert found.step == steps
+    assert covers(found.noise["x"], noise)
 
 
 def test_a_line_shows_that_it_is_working(path, monkeypatch):

@@ -142,3 +142,20 @@ def test_a_slow_run_is_written_once_a_second_of_the_wall_clock(monkeypatch, tmp_
         table.close()
     assert rows == [0, 0, 3, 3, 3]
     assert pq.read_table(tmp_path / "steps.parquet").num_rows == 5
+
+
+def test_space_is_reserved_for_the_batches_of_a_run_at_a_tenth_of_real_time(monkeypatch, tmp_path):
+    """Ten batches a simulated second; half a megabyte of it is for what is written afterwards."""
+    clock = [0.0]
+    monkeypatch.setattr(sinks.time, "monotonic", lambda: clock[0])
+    with Episode(load("still", ["run.duration=8", "tracker.kind=frozen"])) as episode:
+        table = StepsTable(tmp_path, episode)
+        reserved = (tmp_path / STREAM).stat().st_size - (1 << 19)
+        step = next(iter(episode))
+        for _ in range(episode.frames):
+            clock[0] += 0.34  # s, for a thirtieth of a simulated one
+            table.add(step)
+        with pa.OSFile(str(tmp_path / STREAM)) as file:
+            assert pa.ipc.open_stream(file).read_all().num_rows >= 237
+            assert file.tell() < reserved < 3 * file.tell()
+        table.close()

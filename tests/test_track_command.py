@@ -1,6 +1,8 @@
 """`servobench track` on painted pictures: what it writes, and what it says of odd input."""
 
 import json
+import time
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -8,9 +10,13 @@ import pyarrow.parquet as pq
 import pytest
 from tracked import FRAMES, REGION, call, image, pictures, rows_of
 
+from servo.cli import track_command
 from servo.cli.track_command import region_of
 from servo.output.recording.view import recording_in
 from tracking.evaluation.track_file import HEADER, TrackFile, read
+from tracking.sequences.sequence import source_of
+from tracking.sequences.sources import End
+from tracking.trackers import frozen
 
 
 @pytest.fixture
@@ -259,3 +265,18 @@ def test_unsure_pictures_are_counted(monkeypatch, capfd, folder):
     assert rows == [*2 * ["LOCKED"], *6 * ["UNSURE"]]
     assert (code, report["unsure"], report["lost"]) == (0, 6, 0)
     assert f"{FRAMES} frames, 6 UNSURE, 0 LOST" in out
+
+
+def test_where_pictures_were_dropped_the_mean_times_of_one_are_said(monkeypatch, capfd, folder):
+    """Of the only one that was tracked, too: the time in its row."""
+    busy = End("eye: 9 pictures, then it ended", dropped=8)
+    monkeypatch.setattr(
+        track_command, "source_of", lambda *given: replace(source_of(*given), end=busy)
+    )
+    monkeypatch.setattr(frozen.Frozen, "start", lambda *_: time.sleep(0.02))
+    words = ["in", "--region", REGION, "--out", "out", "-q", "--tracker", "frozen", "--frames", "1"]
+    code, _, err = call(monkeypatch, capfd, *words)
+    (row,) = rows_of(folder / "out" / "track.csv")
+    assert code == 0
+    took = f"; a picture took {float(row['milliseconds']):.0f} ms for tracking and "
+    assert err.startswith(f"servobench: {busy.sentence}{took}")

@@ -113,18 +113,33 @@ def test_texture_tells_a_target_from_a_ground_of_its_colour(kind):
     assert np.hypot(found.state.x - x - 21, found.state.y - y - 15) < 4.0
 
 
-def test_sok_finds_a_target_that_jumped_out_of_mean_shifts_reach():
+@pytest.mark.parametrize("angle", range(0, 360, 45))
+def test_sok_finds_a_target_that_jumped_out_of_mean_shifts_reach(angle):
     blank = np.full((160, 240, 3), 255, np.uint8)
     before, after = blank.copy(), blank.copy()
-    disc(before, (80, 80), RADIUS, SECTORS)
-    disc(after, (114, 80), RADIUS, SECTORS)
-    ends = {}
+    to = 120 + 34 * np.cos(np.radians(angle)), 80 + 34 * np.sin(np.radians(angle))
+    disc(before, (120, 80), RADIUS, SECTORS)
+    disc(after, to, RADIUS, SECTORS)
+    away = {}
     for kind in ("mean_shift", "sok"):
         tracker = create(kind)
-        tracker.start(Frame(before, 0.0, 0), REGION, State(80.0, 80.0))
-        ends[kind] = tracker.update(Frame(after, 0.1, 1)).state.x
-    assert ends["sok"] == pytest.approx(114, abs=1.5)
-    assert abs(ends["mean_shift"] - 114) > 10
+        tracker.start(Frame(before, 0.0, 0), REGION, State(120.0, 80.0))
+        found = tracker.update(Frame(after, 0.1, 1)).state
+        away[kind] = np.hypot(found.x - to[0], found.y - to[1])
+    assert away["sok"] < 1.5
+    assert away["mean_shift"] > 10
+
+
+def test_of_equally_good_places_around_sok_takes_the_first_which_is_at_the_right():
+    """A target of one colour, which then fills the picture at both sides of where it was."""
+    image = np.full((160, 240, 3), 255, np.uint8)
+    image[66:94, 106:134] = SECTORS[0]
+    tracker = create("sok")
+    tracker.start(Frame(image, 0.0, 0), REGION, State(120.0, 80.0))
+    image = np.full((160, 240, 3), SECTORS[0], np.uint8)
+    image[:, 106:134] = 255
+    found = tracker.update(Frame(image, 0.1, 1)).state
+    assert (found.x, found.y) == pytest.approx((120 + 2 * RADIUS, 80))
 
 
 def test_mean_shift_follows_size_if_asked():

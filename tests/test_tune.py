@@ -153,13 +153,28 @@ def test_the_usual_settings_are_gain_noise_and_prediction():
     late = load("line", ["run.latency=3"])
     draws = space.usual(late, flat(late.settings(), ""))
     assert [draw.key for draw in draws] == ["controller.gain", "estimator.ratio", "estimator.kind"]
-    assert draws[0].numbers[1] == pytest.approx(60 * np.sin(np.pi / 14))
+    most = 60 * np.sin(np.pi / 14)
+    assert draws[0].numbers == pytest.approx((most / 50, most))
     assert draws[2].numbers == ("kalman_cv", "error_kalman")
     early = load("line")
     assert len(space.usual(early, flat(early.settings(), ""))) == 2
     still = load("line", ["controller.kind=hold", "estimator.kind=none"])
     with pytest.raises(Mistake, match="no usual settings"):
         space.usual(still, flat(still.settings(), ""))
+
+
+@pytest.mark.parametrize(
+    ("gain", "ends"), [(0.2, (0.1, 60.0)), (40.0, (1.6, 80.0)), (800.0, (32.0, 1000.0))]
+)
+def test_the_gain_of_the_scenario_and_its_double_are_searched_as_far_as_a_controller_takes_them(
+    gain, ends
+):
+    prompt = load("line", [f"controller.gain={gain}", "run.latency=0", "run.tracker_ms=0"])
+    draws = space.usual(prompt, flat(prompt.settings(), ""))
+    assert draws[0].numbers == pytest.approx(ends)
+    load("line", [f"controller.gain={ends[1]}"])
+    with pytest.raises(Mistake, match=r"less than or equal to 1000"):
+        load("line", ["controller.gain=1000.1"])
 
 
 def test_settings_of_a_replaced_kind_are_left_out():
@@ -236,7 +251,8 @@ def test_settings_are_worse_if_a_paired_test_is_sure():
     aim = Aim.read("servo_rms_px", ())
     best = runs(1.0, 1.0, 1.0, 9.0)
     assert aim.is_worse(runs(2.0, 3.0, 4.0), best)
-    assert not aim.is_worse(runs(1.5, 3.0, 4.5), best)  # t = 2 / (1.5 / sqrt(3)) = 2.31
+    assert aim.is_worse(runs(1.85, 3.0, 4.15), best)  # t = 2 / (1.15 / sqrt(3)) = 3.01
+    assert not aim.is_worse(runs(1.8, 3.0, 4.2), best)  # t = 2 / (1.2 / sqrt(3)) = 2.89
     assert not aim.is_worse(runs(1.0, 1.0), best)
     assert not aim.is_worse(runs(0.0, -1.0, -2.0), best)
     bounded = Aim.read("servo_rms_px", ["servo_rms_px<=0.5"])

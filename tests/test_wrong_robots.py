@@ -197,20 +197,27 @@ def test_the_picture_takes_a_free_name_and_the_names_of_joints_are_whole(tmp_pat
 
 @pytest.mark.parametrize(("robot", "height"), [("gantry", 1.55), ("scara", 1.25), ("arm7", 1.2)])
 def test_the_picture_has_the_whole_robot_with_its_stand(robot, height, monkeypatch, tmp_path):
-    fit, seen = RoomView.fit, []
+    fit, look, seen = RoomView.fit, RoomView.look, []
 
     def fitted(view, points):
         fit(view, points)
         seen.append((points, view.project(points)))
 
+    def from_the_least_distance(view, eye, middle):
+        look(view, middle + (eye - middle) / 1.1, middle)
+
     monkeypatch.setattr(RoomView, "fit", fitted)
     done = CliRunner().invoke(app, ["robot", robot, "--out", str(tmp_path / "a.png")])
     assert done.exit_code == 0, done.output
-    ((points, pixels),) = seen
+    monkeypatch.setattr(RoomView, "look", from_the_least_distance)
+    again = CliRunner().invoke(app, ["robot", robot, "--out", str(tmp_path / "b.png")])
+    assert again.exit_code == 0, again.output
+    (points, pixels), (_, nearer) = seen
     assert points[:, 2].min() == pytest.approx(0.0, abs=0.1)  # columns begin on the table
     assert points[:, 2].max() > height
     assert (pixels > 0).all()
     assert (pixels < (640, 480)).all()
+    assert np.abs(nearer / (640, 480) - 0.5).max() == pytest.approx(0.5)  # one is on the border
 
 
 @pytest.mark.parametrize(

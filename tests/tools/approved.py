@@ -83,6 +83,7 @@ def drawn():
         for area in ax.collections:
             area.update_scalarmappable()  # else a map of colours has none before it is drawn
         legend = ax.get_legend()
+        assert not (legend and legend.get_frame_on()), "the frame of a legend hides curves"
         ticks = (*ax.get_xticklabels(), *ax.get_yticklabels())
         return {
             "words": [ax.get_title() or ax.get_title("left"), ax.get_xlabel(), ax.get_ylabel()],
