@@ -35,7 +35,7 @@ pytestmark = pytest.mark.processes
 MINE = """# mine
 # Short runs, of kinds that are quick to import.
 scenario = "still"
-seeds = 15
+seeds = 12
 
 [set]
 run.duration = 0.7
@@ -46,7 +46,7 @@ estimator.kind = "none"
 run.latency = [0, 1]
 start.x = { uniform = [-20.0, 20.0] }
 """
-RUNS = 30
+RUNS = 24
 SWEEP = "sweep mine.toml --out out -q"
 TWO = "--workers 2"
 run = Job.run
@@ -144,7 +144,7 @@ def test_workers_that_are_killed_or_stopped_at_their_start_and_later_lose_nothin
         for number in (STOP, CONT):
             for pid in some:
                 os.kill(pid, number)
-            time.sleep(0.2)
+            time.sleep(0.1)
     assert ended(client) == (0, "")
     assert same_as(undisturbed)
 
@@ -159,7 +159,7 @@ def test_on_a_cluster_of_ones_own_nothing_that_dies_costs_anything(
     for process in (scheduler, *workers):
         for number in (STOP, CONT):
             process.send_signal(number)
-            time.sleep(0.2)
+            time.sleep(0.1)
     workers[0].terminate()
     wait_for_some(client, finished() + 1)
     scheduler.kill()

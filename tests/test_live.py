@@ -171,7 +171,7 @@ def test_the_light_page_is_chosen_where_there_is_no_gpu(monkeypatch, light, gpu,
 @pytest.mark.parametrize("page", ["--light", "--no-light"])
 def test_a_run_is_seen_in_a_browser_that_may_be_closed(tmp_path, browser, page):
     port = free_ports()
-    # Little to draw: a small page, and a second of run, after which the viewer draws no more. The
+    # Little to draw: a small page, and a second of run, after which the viewer draws no more. Rerun's
     # page is drawn without a GPU, and each of our looks at it takes from its time.
     words = "run circle --live --web --no-rerun --set tracker.kind=frozen --set expect={}"
     words = f"{words} --set run.duration=1 --set measure.after=0 {page}"
@@ -181,7 +181,7 @@ def test_a_run_is_seen_in_a_browser_that_may_be_closed(tmp_path, browser, page):
     end = time.monotonic() + 2 * PATIENCE
     while not camera_seen(browser):
         assert time.monotonic() < end, browser.get_log("browser")
-        time.sleep(5.0)
+        time.sleep(0.5 if page == "--light" else 5.0)
     browser.get("about:blank")
     for line in process.stdout:
         if line.startswith("press Ctrl-C"):
