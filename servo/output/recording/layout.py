@@ -17,23 +17,20 @@ REPLAY = {
 }
 """Entities of the pictures of a replay, with their titles."""
 UP = (0, 0, 1)
+VELOCITY = "Velocity [m/s]: x red, y green, z blue; measured darker"
+"""Title with the colours of a twist: a legend of its six lines would be higher than the plot."""
 
 
 def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
     """Return the layout in Rerun's viewer of the recording of a run.
 
     The camera's picture and the scene are at the left, plots over time at the right, with a list of
-    events below the plots.
+    events at the bottom.
 
     Args:
         features: Names of the run's image features.
     """
     eye = rrb.EyeControls3D(position=EYE, look_target=LOOKS_AT, eye_up=UP)
-
-    def plot(name: str, title: str) -> rrb.TimeSeriesView:
-        # At the left the legend would cover the transient.
-        legend = rrb.Corner2D.RightTop
-        return rrb.TimeSeriesView(origin=f"plots/{name}", name=title, plot_legend=legend)
 
     pictures = rrb.Vertical(
         rrb.Spatial2DView(origin=IMAGE, name="Camera: estimate green, goal red, truth white"),
@@ -47,28 +44,30 @@ def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
             ),
         ),
     )
-    motion = [plot(f"motion/{name}", f"Target motion, {name}") for name in features]
+    motion = [_plot(f"motion/{name}", f"Target: d{name}/dt") for name in features]
     numbers = rrb.Vertical(
-        plot("error", "Distance of the true centre from goal and estimate [px]"),
+        _plot("error", "Distance from goal, and of the estimate [px]"),
         rrb.Tabs(
-            plot("features", "Feature errors"),
-            plot("range", "Joints within their range"),
-            plot("joints", "Joints"),
-            plot("tilt", "Tilt of the camera [deg]"),
-            plot("nis", "Innovation squared over its variance"),
+            _plot("features", "Feature errors"),
+            _plot("nis", "Normalised innovation squared"),
         ),
         rrb.Horizontal(*[rrb.Tabs(*part) for part in (motion[0::2], motion[1::2]) if part]),
         rrb.Tabs(
-            plot("twist/linear", "Camera velocity [m/s]"),
-            plot("twist/angular", "Camera turn [rad/s]"),
+            _plot("twist/linear", VELOCITY, legend=False),
+            _plot("twist/angular", "Turn [rad/s]", legend=False),
+            _plot("range", "Joints in their range"),
+            _plot("joints", "Joints"),
+            _plot("tilt", "Tilt [deg]", legend=False),
         ),
-        rrb.Tabs(
-            plot("distance", "Distance in appearance"),
-            plot("ess", "Effective sample size"),
-            plot("ms", "Stages [ms]"),
+        rrb.Horizontal(
+            rrb.Tabs(
+                _plot("distance", "Appearance distance", legend=False),
+                _plot("ess", "Effective sample size", legend=False),
+                _plot("ms", "Stages [ms]"),
+            ),
+            rrb.TextLogView(origin="events", name="Events: hidden, lost, found, at a limit"),
+            column_shares=[3, 2],
         ),
-        rrb.TextLogView(origin="events", name="Events"),
-        row_shares=[3, 3, 3, 3, 2, 2],
     )
     columns = rrb.Horizontal(pictures, numbers, column_shares=[1, 1])
     return rrb.Blueprint(
@@ -82,7 +81,7 @@ def blueprint_of_track() -> rrb.Blueprint:
     tracker [ms] and number of histograms that it read.
     """
     plots = [
-        rrb.TimeSeriesView(origin=f"plots/{name}", name=title)
+        _plot(name, title, legend=False)
         for name, title in (
             ("confidence", "Confidence: 1 - distance"),
             ("ms", "Time of the tracker [ms]"),
@@ -104,3 +103,10 @@ def blueprint_of_replay() -> rrb.Blueprint:
     curve = rrb.TimeSeriesView(origin="plots/difference", name="Median difference [grey levels]")
     rows = rrb.Vertical(rrb.Horizontal(*pictures), curve, row_shares=[2, 1])
     return rrb.Blueprint(rows, rrb.TimePanel(timeline="sim_time"), collapse_panels=True)
+
+
+def _plot(name: str, title: str, *, legend: bool = True) -> rrb.TimeSeriesView:
+    """Return a plot over time; `legend`: whether it names its lines."""
+    corner = rrb.Corner2D.RightTop  # at the left the legend would cover the transient
+    shown = rrb.PlotLegend(corner, visible=legend)
+    return rrb.TimeSeriesView(origin=f"plots/{name}", name=title, plot_legend=shown)

@@ -9,7 +9,7 @@
 | world/eye/image/particles | the particle cloud |
 | world/path/0, world/eye/image/path/0, ... | paths of camera and target's corners, in pieces |
 | world/eye/depth | the depth picture, where there is one |
-| plots/error | distance of the true centre from goal and from estimate [px] |
+| plots/error | distances [px]: true and estimated centre from the goal, and from each other |
 | plots/features | feature errors e = s - s* |
 | plots/motion/FEATURE | de/dt of the target: measured, estimated, true |
 | plots/twist/linear, angular | camera twist: commanded, measured |
@@ -286,6 +286,14 @@ def _times(steps: list[Step]) -> list[rr.TimeColumn]:
     ]
 
 
+def _believed_error(step: Step) -> float:
+    """Return the distance between the target's estimated centre and its goal [px], which is what
+    the loop knows of its error.
+    """
+    state = step.estimate.state
+    return float(np.hypot(*((state.x, state.y) - step.goal.centre)))
+
+
 def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
     """Return all plots of a run with this robot and the features of these names."""
     limited = np.isfinite(robot.upper)
@@ -309,9 +317,9 @@ def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
     return [
         Lines(
             "error",
-            ("servo", "tracking"),
-            (GOAL, ESTIMATE),
-            lambda s: [s.servo_error, s.tracking_error],
+            ("true centre to goal", "estimated centre to goal", "estimated to true centre"),
+            (GOAL, GREY, ESTIMATE),
+            lambda s: [s.servo_error, _believed_error(s), s.tracking_error],
         ),
         Lines("features", features, colours, lambda s: s.error),
         twist("linear", slice(3)),
