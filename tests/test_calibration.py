@@ -241,7 +241,7 @@ def test_a_calibration_lies_beside_the_scenario_and_is_kept_with_the_run(here):
 def test_a_run_through_a_calibration(here):
     (here / "cam.yaml").write_text(ROS)
     changes = ["camera.calibration=cam.yaml", "run.duration=0.1", "expect={}", "start.x=0"]
-    code = run_command.run_scenario("still", changes, 0, here / "out", quiet=True, rerun=False)
+    code = run_command.run("still", changes, 0, here / "out", quiet=True, no_rerun=True)
     assert code == 0
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import servo
-from servo.cli.run_command import run_scenario
+from servo.cli import run_command
 from servo.loop.columns import Columns
 from servo.loop.events import remarks_on_tracker
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
@@ -54,7 +54,7 @@ def test_a_region_that_slips_inside_one_colour_turns_no_camera(block):
 
 def test_a_run_says_so_once_and_so_does_its_report(block, tmp_path, capsys):
     settings = [*block, "run.duration=0.7"]
-    run_scenario("circle", settings, None, tmp_path / "run", quiet=False, rerun=False)
+    run_command.run("circle", settings, None, tmp_path / "run", quiet=False, no_rerun=True)
     printed = " ".join(capsys.readouterr().out.split())
     told = json.loads((tmp_path / "run" / "report.json").read_text())["uncertain"]
     assert re.fullmatch(

@@ -11,7 +11,6 @@ from tiny_onnx import node
 
 from servo.cli import run_command
 from servo.cli.main import app
-from servo.cli.outputs import Outputs
 from servo.closing import closing
 from servo.loop.part_failures import PartFailed
 from servo.mistake import Mistake
@@ -60,12 +59,10 @@ def fail(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
     def run(*law):
-        outputs = Outputs(video=tmp_path / "a.mp4", mcap=tmp_path / "a.mcap")
+        files = {"video": tmp_path / "a.mp4", "mcap": tmp_path / "a.mcap"}
         changes = [*SHORT, *law]
         with pytest.raises(Mistake) as failed:
-            run_command.run_scenario(
-                "still", changes, None, tmp_path / "out", quiet=True, rerun=True, outputs=outputs
-            )
+            run_command.run("still", changes, None, tmp_path / "out", quiet=True, **files)
         left = {path.name for path in (*tmp_path.glob("a.*"), *(tmp_path / "out").iterdir())}
         return str(failed.value).replace(f"{tmp_path}/", ""), left
 

@@ -90,7 +90,7 @@ def test_every_estimator_takes_a_set_of_three(centroid, estimator):
 @pytest.mark.newest
 def test_table_plots_recording_and_report_have_its_three_features(centroid, tmp_path):
     folder = tmp_path / "out"
-    run_command.run_scenario("line", CHANGES, 0, folder, quiet=True, rerun=True)
+    run_command.run("line", CHANGES, 0, folder, quiet=True)
     names = pq.read_table(folder / "steps.parquet").column_names
     assert [n for n in names if n.startswith(("feature_", "motion_true_", "nis_"))] == [
         "feature_u",
@@ -176,7 +176,7 @@ def test_what_a_feature_set_cannot_do_is_a_sentence(name, changes, message):
 
 def test_a_controller_without_features_leaves_their_columns_empty(tmp_path):
     changes = ["controller.kind=hold", "run.duration=0.3", "expect={}"]
-    run_command.run_scenario("still", changes, 0, tmp_path / "out", quiet=True, rerun=True)
+    run_command.run("still", changes, 0, tmp_path / "out", quiet=True)
     table = pq.read_table(tmp_path / "out" / "steps.parquet")
     for name in ("feature_xn_m", "error_theta_rad", "motion_measured_xn_m_s", "nis_an"):
         assert np.isnan(table[name].to_numpy()).all()

@@ -6,6 +6,7 @@ import pytest
 from tracking.drawing.colours import ESTIMATE, TRUTH
 from tracking.drawing.contact_sheet import TILE, sheet
 from tracking.sequences.painted import KINDS as FOLDER
+from tracking.sequences.painted import similarity
 from tracking.sequences.painted.clutter import LEVELS, RADIUS
 from tracking.sequences.sources import PaintedSource
 from tracking.types import State
@@ -175,3 +176,13 @@ def test_gravel_has_a_colour_70_levels_from_the_cars():
     car = image[y - 14 : y + 14, x - 24 : x + 24].mean(axis=(0, 1))
     ground = image[:60].mean(axis=(0, 1))
     assert np.linalg.norm(ground - car) == pytest.approx(70, abs=3)
+
+
+@pytest.mark.parametrize("hidden", [0, 3, 4])
+def test_the_target_is_hidden_in_as_many_frames_as_asked_for(hidden):
+    clear, barred = (
+        similarity.Config(frames=20, hidden=n).build(np.random.default_rng(0)).source
+        for n in (0, hidden)
+    )
+    pairs = zip(clear, barred, strict=True)
+    assert sum((a.image != b.image).any() for a, b in pairs) == hidden

@@ -30,7 +30,7 @@ SHORT = ["run.duration=2.0", "disturbances.0.start=1.0", "goal.angle_deg=30.0"]
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("run") / "out"
     changes = [*SHORT, "expect={}", "vary={}"]
-    assert run_command.run_scenario("occlusion", changes, 1, path, quiet=True, rerun=True) == 0
+    assert run_command.run("occlusion", changes, 1, path, quiet=True) == 0
     return path
 
 

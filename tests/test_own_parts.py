@@ -41,8 +41,8 @@ def test_an_example_runs_as_it_stands(block, tmp_path, monkeypatch):
     Path("my_camera.yaml").write_text(CALIBRATION)
     Path("mine.toml").write_text(block)
     assert (
-        run_command.run_scenario(
-            "mine.toml", ["run.duration=2.4"], None, Path("out"), quiet=True, rerun=False
+        run_command.run(
+            "mine.toml", ["run.duration=2.4"], None, Path("out"), quiet=True, no_rerun=True
         )
         == 0
     )

@@ -100,7 +100,7 @@ def test_the_report_of_a_run_is_printed_so(console, approved):
 
 def test_bounds_of_a_run_that_is_too_short_are_missed_in_one_line(tmp_path, capfd):
     changes = ["run.duration=0.1"]
-    run_command.run_scenario("circle", changes, None, tmp_path / "o", quiet=True, rerun=False)
+    run_command.run("circle", changes, None, tmp_path / "o", quiet=True, no_rerun=True)
     first, again, *_ = capfd.readouterr().err.splitlines()
     names = "servo_rms_px, servo_peak_px, servo_angle_peak_deg, servo_scale_peak_pct, "
     assert first == (
@@ -183,8 +183,8 @@ def test_the_stages_of_a_step_are_told_as_medians(monkeypatch, tmp_path, capfd):
     seconds = 1e-3 * np.array([[1, 2, 3, 4], [2, 4, 6, 8], [9, 9, 9, 90]])
     monkeypatch.setattr(run_command, "timed", lambda run: seconds)
     short = ["run.duration=0.1", "tracker.kind=frozen", "expect={}"]
-    run_command.run_scenario(
-        "still", short, None, tmp_path / "o", quiet=False, rerun=False, all_measures=True
+    run_command.run(
+        "still", short, None, tmp_path / "o", quiet=False, no_rerun=True, all_measures=True
     )
     said = " ".join(capfd.readouterr().out.split())
     stages = "render 2.00 track 4.00 control 6.00 physics 8.00"

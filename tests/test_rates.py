@@ -74,7 +74,7 @@ def test_the_loop_converges_at_any_rate(rate):
 
 def test_the_report_and_the_command_say_which_rates_were_used(tmp_path, capsys):
     changes = ["run.duration=0.2", "camera.rate=25", "tracker.kind=frozen", "expect={}"]
-    assert run_command.run_scenario("still", changes, 0, tmp_path, quiet=False, rerun=False) == 0
+    assert run_command.run("still", changes, 0, tmp_path, quiet=False, no_rerun=True) == 0
     said = capsys.readouterr().out
     assert "world.physics_rate = 500 Hz was used, to fit camera.rate\n" in said
     assert "world.drive_rate = 125 Hz was used, to fit camera.rate\n" in said
@@ -84,6 +84,6 @@ def test_the_report_and_the_command_say_which_rates_were_used(tmp_path, capsys):
 
 def test_where_the_rate_divides_nothing_is_said(tmp_path, capsys):
     changes = ["run.duration=0.2", "tracker.kind=frozen", "expect={}"]
-    assert run_command.run_scenario("still", changes, 0, tmp_path, quiet=False, rerun=False) == 0
+    assert run_command.run("still", changes, 0, tmp_path, quiet=False, no_rerun=True) == 0
     assert "Hz was used" not in capsys.readouterr().out
     assert json.loads((tmp_path / "report.json").read_text())["rates"] == {}

@@ -13,7 +13,7 @@ import pytest
 
 import servo
 from servo import Mistake, notebook
-from servo.cli.run_command import run_scenario
+from servo.cli import run_command
 
 SHORT = ["run.duration=0.5", "measure.after=0.46", "start.x=12", "camera.noise=2"]
 
@@ -24,7 +24,9 @@ def result():
 
 
 def test_its_tables_are_those_of_the_command(result, tmp_path):
-    run_scenario("still", [*SHORT, "controller.gain=1.5"], 4, tmp_path, quiet=True, rerun=False)
+    run_command.run(
+        "still", [*SHORT, "controller.gain=1.5"], 4, tmp_path, quiet=True, no_rerun=True
+    )
     written = pq.read_table(tmp_path / "steps.parquet").to_pandas()
     timed = [name for name in written if name.startswith("seconds_")]
     assert result.steps.drop(columns=timed).equals(written.drop(columns=timed))

@@ -59,7 +59,7 @@ def test_a_library_that_makes_another_exception_of_it_is_stopped_too(monkeypatch
         except KeyboardInterrupt:
             raise ValueError("a fault of mine") from None
 
-    monkeypatch.setattr(run_command, "run_scenario", converted)
+    monkeypatch.setattr(run_command, "run", converted)
     monkeypatch.setattr(sys, "argv", ["servobench", "run", "still"])
     monkeypatch.setattr(sys, "stdout", sys.__stdout__)
     handler = signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -81,8 +81,8 @@ def test_a_run_that_is_stopped_before_its_first_step_leaves_no_files(tmp_path, m
     real = getattr(run_folder, place)
     monkeypatch.setattr(run_folder, place, interrupted)
     with pytest.raises(KeyboardInterrupt):
-        run_command.run_scenario(
-            "still", ["run.duration=0.1"], 0, tmp_path / "out", quiet=True, rerun=False
+        run_command.run(
+            "still", ["run.duration=0.1"], 0, tmp_path / "out", quiet=True, no_rerun=True
         )
     assert list(Path(tmp_path / "out").iterdir()) == []
 

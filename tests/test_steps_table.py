@@ -32,7 +32,7 @@ def test_a_controller_with_other_features_is_refused_and_not_cut(monkeypatch, tm
 
     monkeypatch.setattr(Ibvs, "command", other)
     with pytest.raises(Mistake) as refused:
-        run_command.run_scenario("still", [], 0, tmp_path / "out", quiet=True, rerun=False)
+        run_command.run("still", [], 0, tmp_path / "out", quiet=True, no_rerun=True)
     assert str(refused.value) == (
         f"controller 'ibvs': the trace has {count} features, but the scenario has 4: xn, yn, an, "
         "theta"
@@ -44,7 +44,7 @@ def late(tmp_path_factory):
     """The table of a run whose tracker needs 80 ms, as lists."""
     folder = tmp_path_factory.mktemp("late") / "out"
     changes = ["run.tracker_ms=80", "run.duration=1.5", "expect={}", "tracker.kind=kams"]
-    assert run_command.run_scenario("circle", changes, 0, folder, quiet=True, rerun=False) == 0
+    assert run_command.run("circle", changes, 0, folder, quiet=True, no_rerun=True) == 0
     return pq.read_table(folder / "steps.parquet").to_pydict()
 
 
@@ -58,9 +58,7 @@ def test_each_quantity_is_evaluated_once_a_row(monkeypatch, tmp_path):
 
     monkeypatch.setattr(Step, "target_motion_true", property(counted))
     changes = ["run.duration=0.2", "tracker.kind=frozen", "expect={}"]
-    assert (
-        run_command.run_scenario("still", changes, 0, tmp_path / "o", quiet=True, rerun=False) == 0
-    )
+    assert run_command.run("still", changes, 0, tmp_path / "o", quiet=True, no_rerun=True) == 0
     assert asked == dict.fromkeys(range(6), 1)
 
 

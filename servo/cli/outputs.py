@@ -159,9 +159,6 @@ class Outputs:
         return found
 
 
-NOTHING_MORE = Outputs()
-
-
 def _film_of(episode: Episode) -> Callable[[Path | NewestPicture], Sink]:
     """Return the maker of a run's film, which is given the film's file or the page that shows its
     frames.

@@ -15,7 +15,7 @@ import numpy as np
 from rich.console import Console
 
 from servo.cli.idle_settings import idle_settings, reports_corners
-from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
+from servo.cli.outputs import Outputs, announce, linger
 from servo.cli.terminal import (
     COMPILING,
     WAITING,
@@ -71,15 +71,16 @@ def run(
     changes: Sequence[str],
     seed: int | None,
     out: Path | None,
-    tracker: str | None,
-    controller: str | None,
-    quiet: bool,
-    no_rerun: bool,
-    ros2: bool,
-    all_measures: bool,
+    tracker: str | None = None,
+    controller: str | None = None,
+    quiet: bool = False,
+    no_rerun: bool = False,
+    ros2: bool = False,
+    all_measures: bool = False,
     **shown: Any,
 ) -> int:
-    """Run one scenario, write its results into a folder, and print how it went.
+    """Run one scenario, write its results into a folder, and print how it went, where the results
+    are, and what to do next.
 
     Args:
         scenario: A shipped scenario or a TOML file.
@@ -100,74 +101,24 @@ def run(
     Raises:
         Mistake: The scenario or a setting is wrong, a component failed, or the folder cannot be
             used.
-        Refused: A file could not be written completely.
+        Refused: A file could not be written completely; the table of steps has priority.
     """
     outputs = Outputs(**shown)
     if ros2:
         from servo.ros2.server import Server
 
         outputs = replace(outputs, server=Server())
-    return run_scenario(
-        scenario,
-        changes,
-        seed,
-        out,
-        tracker=tracker,
-        controller=controller,
-        quiet=quiet,
-        rerun=not no_rerun,
-        all_measures=all_measures,
-        outputs=outputs,
-    )
-
-
-def run_scenario(
-    name: str,
-    changes: Sequence[str],
-    seed: int | None,
-    out: Path | None,
-    *,
-    tracker: str | None = None,
-    controller: str | None = None,
-    quiet: bool,
-    rerun: bool,
-    all_measures: bool = False,
-    outputs: Outputs = NOTHING_MORE,
-) -> int:
-    """Run one scenario, write its results into a folder, and print how it went, where the results
-    are, and what to do next.
-
-    Args:
-        name: A shipped scenario or a TOML file.
-        changes: Changes of settings, such as "run.duration=5".
-        seed: Seed of the random streams; None: that of the scenario.
-        out: The folder to write; None: the next free runs/NAME-SEED.
-        tracker: The tracker as on the command line, such as "kams:paper"; None: the scenario's.
-        controller: The control law as on the command line; None: the scenario's.
-        quiet: Whether to print on stderr only: mistakes and missed bounds.
-        rerun: Whether to write a Rerun recording.
-        all_measures: Whether to print every measure and the times of a step, too.
-        outputs: Further files, viewers, and the connection to ROS 2.
-
-    Returns:
-        The exit code: 1 if a bound was missed, else 0.
-
-    Raises:
-        Mistake: The scenario or a setting is wrong, a component failed, or the folder cannot be
-            used.
-        Refused: A file could not be written completely; the table of steps has priority.
-    """
     changes = [*changes_of(tracker, controller), *changes]
-    scenario = load(name, changes, seed, outputs.server)
+    loaded = load(scenario, changes, seed, outputs.server)
     outputs.check()
-    flags = {"no_rerun": not rerun, "ros2": outputs.server is not None}
-    again = command_line("run", name, set=changes, seed=scenario.run.seed, **flags)
+    flags = {"no_rerun": no_rerun, "ros2": ros2}
+    again = command_line("run", scenario, set=changes, seed=loaded.run.seed, **flags)
     gl.is_there()
     console = Console(quiet=quiet)
-    name = f"{scenario.name}-{scenario.run.seed}"
+    name = f"{loaded.name}-{loaded.run.seed}"
     try:
         with waiting(console, WAITING):
-            episode = Episode(scenario)
+            episode = Episode(loaded)
     except PartFailed as error:
         raise with_traceback(error, prepare(out, name)) from None
     with episode:
@@ -178,7 +129,7 @@ def run_scenario(
         more = outputs.of_run(episode, viewer)
         steps = Columns()
         try:
-            output = RunFolder(folder, episode, rerun=rerun, more=more)
+            output = RunFolder(folder, episode, rerun=not no_rerun, more=more)
             writing = _write(episode, output, console, steps)
         except (PartFailed, Refused, KeyboardInterrupt) as error:
             if not steps:
@@ -186,14 +137,14 @@ def run_scenario(
             if isinstance(error, PartFailed):
                 raise with_traceback(error, folder) from None
             raise
-    job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
-    record = record_of(job, scenario, steps)
-    _print_record(console, scenario, record, all_measures=all_measures)
-    doubt = remarks_on_tracker(steps, is_guest=isinstance(scenario.tracker, GuestSettings))
-    plain(console, unjudged(scenario, record.success), doubt)
+    job = Job(0, LoadedScenario(loaded), loaded.run.seed, command=again)
+    record = record_of(job, loaded, steps)
+    _print_record(console, loaded, record, all_measures=all_measures)
+    doubt = remarks_on_tracker(steps, is_guest=isinstance(loaded.tracker, GuestSettings))
+    plain(console, unjudged(loaded, record.success), doubt)
     if all_measures:
         console.print(_stage_line(steps, writing))
-    paths = output.finish(RunReport.of(record, scenario, steps.first.scene, doubt))
+    paths = output.finish(RunReport.of(record, loaded, steps.first.scene, doubt))
     plain(console, *_where_and_next(folder, paths, all_measures=all_measures))
     print_missed(Console(stderr=True), record)
     linger(viewer, console)

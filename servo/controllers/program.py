@@ -76,10 +76,8 @@ class PolicyProgram:
         Raises:
             ValueError: The program does not start, sends no line of JSON, or reports an error.
         """
-        self._program = JsonLines(command)
-        self._timeout = timeout
+        self._program = JsonLines(command, seed, timeout, loading)
         self._is_new_run = True
-        self._program.ask({"seed": seed}, b"", loading)
 
     def reset(self) -> None:
         """Begin a new run: the next call of `act` sends the picture at the goal before the camera's
@@ -107,8 +105,10 @@ class PolicyProgram:
         """
         if self._is_new_run:
             self._is_new_run = False
-            self._show(goal_picture, {"goal": {"camera": intrinsics_of(camera), "depth": depth}})
-        answer = self._show(picture, {"posture": words_of(posture)})
+            self._program.show(
+                goal_picture, {"goal": {"camera": intrinsics_of(camera), "depth": depth}}
+            )
+        answer = self._program.show(picture, {"posture": words_of(posture)})
         twist = answer.get("twist")
         try:
             found = np.array(twist, float)
@@ -119,12 +119,6 @@ class PolicyProgram:
                 f"answered the twist {str(twist)[:80]}, which is no list of 6 numbers"
             )
         return found
-
-    def _show(self, picture: Image, more: Line) -> Line:
-        """Send a picture, with more keys of its line, and return the answer."""
-        height, width = picture.shape[:2]
-        line = {"width": width, "height": height, **more}
-        return self._program.ask(line, picture.tobytes(), self._timeout)
 
 
 def intrinsics_of(camera: Camera) -> Line:

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import NoReturn, cast, final
 
+from sim.types import Image
 from tracking.guests.process import GuestProcess
 
 Line = Mapping[str, object]
@@ -18,17 +19,39 @@ class JsonLines:
     program is ended when this object is deleted.
     """
 
-    def __init__(self, command: str) -> None:
-        """Start a program: its name and arguments, quoted as in a shell; no shell runs it.
+    def __init__(self, command: str, seed: int, timeout: float, loading: float) -> None:
+        """Start a program and wait until it is ready.
+
+        Args:
+            command: The program and its arguments, quoted as in a shell; no shell runs it.
+            seed: Seed for the program's random numbers.
+            timeout: Longest wait for the answer to a picture [s].
+            loading: Longest wait for the first answer [s].
 
         Raises:
-            ValueError: The command is empty, or the program cannot be started.
+            ValueError: The command is empty, or the program does not start, sends no line of JSON,
+                or reports an error.
         """
         self._program = GuestProcess("program", command, {})
         self.name = self._program.name
         """What messages call the program."""
+        self._timeout = timeout
+        self.ready = self._ask({"seed": seed}, b"", loading)
+        """The first answer."""
 
-    def ask(self, line: Line, picture: bytes, limit: float) -> Line:
+    def show(self, picture: Image, more: Line) -> Line:
+        """Send an RGB picture (H, W, 3) of uint8, with more keys of its line, and return the
+        answer.
+
+        Raises:
+            ValueError: The program has ended, does not answer in time or with an object of JSON, or
+                reports an error.
+        """
+        height, width = picture.shape[:2]
+        line = {"width": width, "height": height, **more}
+        return self._ask(line, picture.tobytes(), self._timeout)
+
+    def _ask(self, line: Line, picture: bytes, limit: float) -> Line:
         """Send a line and the bytes of a picture, and return the answer within a limit [s].
 
         Raises:

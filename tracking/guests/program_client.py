@@ -44,10 +44,9 @@ class ProgramClient:
             ValueError: The program does not start, sends no line of JSON, reports an error, or
                 declares that it gives something unknown.
         """
-        self._program = JsonLines(command)
-        self._timeout = timeout
-        answer = self._program.ask({"seed": seed}, b"", loading)
-        self.gives: frozenset[Gives] | None = gives_in(answer.get("gives"), self._program.name)
+        self._program = JsonLines(command, seed, timeout, loading)
+        gives = self._program.ready.get("gives")
+        self.gives: frozenset[Gives] | None = gives_in(gives, self._program.name)
         """What the program's first line declares that it measures; None: nothing."""
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
@@ -81,6 +80,4 @@ class ProgramClient:
 
     def _show(self, frame: Frame, more: Line) -> Line:
         """Send a picture, with more keys of its line, and return the answer."""
-        height, width = frame.image.shape[:2]
-        line = {"width": width, "height": height, "index": frame.index, "time": frame.time, **more}
-        return self._program.ask(line, frame.image.tobytes(), self._timeout)
+        return self._program.show(frame.image, {"index": frame.index, "time": frame.time, **more})

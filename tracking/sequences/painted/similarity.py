@@ -54,8 +54,8 @@ class Config:
     """Largest rotation from the start [deg]."""
     zoom: Annotated[float, Ge(1), Le(3)] = 1.4
     """Largest scale of the target; its smallest scale is the inverse."""
-    hidden: Annotated[int, Ge(0), Le(100)] = 10
-    """Number of frames in which the target is fully hidden; an even one hides one frame more."""
+    hidden: Annotated[int, Ge(0), Le(100)] = 11
+    """Number of frames in which the target is fully hidden."""
     away: Annotated[int, Ge(0), Le(100_000)] = 0
     """Number of frames in which the target is out of the picture."""
     noise: Annotated[float, Ge(0), Le(100)] = 3.0
@@ -69,13 +69,13 @@ class Config:
         patch = _target(rng)
         fine = self._states(rng)
         noise_seed = int(rng.integers(1 << 31))
-        hidden_at = int(HIDDEN_AT * self.frames)
+        hidden_from = int(HIDDEN_AT * self.frames) - self.hidden // 2
 
         def paint(index: int) -> Image:
             exposed = fine[index * EXPOSURES : index * EXPOSURES + EXPOSURES]
             pictures = [paste(ground, patch, REGION, State(*row)) for row in exposed.tolist()]
             image = np.mean(pictures, axis=0)
-            if abs(index - hidden_at) <= self.hidden // 2 and self.hidden:
+            if hidden_from <= index < hidden_from + self.hidden:
                 _hide(image, exposed[0])
             return noisy(image, self.noise, noise_seed, index)
 
