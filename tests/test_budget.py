@@ -163,7 +163,9 @@ def test_simulation_ends_where_theory_says(name):
 
 
 def record(mm, px):
-    series = {"time_s": np.arange(4.0), "servo_error_px": np.array([50.0, 50.0, px, px])}
+    """A run whose error in the picture is px in its last second, root mean square."""
+    errors = np.array([50.0, 50.0, 1.4 * px, 0.2 * px])
+    series = {"time_s": np.array([0.0, 1.95, 2.05, 3.0]), "servo_error_px": errors}
     measures = {"end_position_mm": mm, "end_rotation_deg": 0.0}
     return Record(
         subject="s", seed=0, outcome="CONVERGED", success=True, measures=measures, series=series

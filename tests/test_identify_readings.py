@@ -202,3 +202,19 @@ def test_waits_from_0_to_a_quarter_of_a_second_and_up_to_a_second_are_plain(
     path = tmp_path / "log.csv"
     pyarrow.csv.write_csv(pa.table(columns | {"arrived_s": columns["time_s"] + waits}), path)
     assert read(path).clock == sentence
+
+
+@pytest.mark.parametrize(("ratio", "is_used"), [(7.9, True), (8.1, False)])
+def test_waits_are_used_if_their_range_is_at_most_8_times_that_of_their_middle_half(
+    tmp_path, ratio, is_used
+):
+    waits = np.linspace(0, 0.04, 200)
+    waits[-1] = ratio * np.subtract(*np.quantile(waits, (0.75, 0.25)))
+    time = np.arange(200) / 16
+    columns = {"time_s": time, "command_x_m_s": np.sin(3 * time), "joint_x_m": np.cos(3 * time)}
+    path = tmp_path / "log.csv"
+    arrived = time + np.random.default_rng(0).permutation(waits)
+    pyarrow.csv.write_csv(pa.table(columns | {"arrived_s": arrived}), path)
+    log = read(path)
+    assert len(log.transport) == (200 if is_used else 0)
+    assert (log.clock == "") is is_used
