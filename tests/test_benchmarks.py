@@ -49,6 +49,7 @@ from servo.scenario.toml import copied, put
 from servo.study.run import Record
 from servo.types import Command
 from sim import world as sim_world
+from sim.files import picture_name
 
 DIGEST = 64 * "0"
 BENCH = ("benchmark", "servo-v1", "--workers", "1")
@@ -609,8 +610,8 @@ def test_a_bench_does_not_go_on_with_another_guest(monkeypatch, capfd, short):
     law.write_text(law.read_text() + "# another one\n")
     assert call(monkeypatch, capfd, "benchmark", *words)[::2] == (
         2,
-        "servobench: o: this folder holds another study (its settings differ); choose another "
-        "folder with --out\n",
+        "servobench: o: this folder holds another study (its settings differ: code.m); choose "
+        "another folder with --out\n",
     )
 
 
@@ -816,6 +817,16 @@ def test_wrong_options_end_in_a_sentence(monkeypatch, capfd, tmp_path, arguments
     code, _, err = call(monkeypatch, capfd, "benchmark", *arguments.split())
     assert code == 2
     assert sentence in err
+
+
+def test_missing_pictures_are_named_before_anything_runs(monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(picture_name, "find_spec", lambda _: None)
+    code, out, err = call(monkeypatch, capfd, "benchmark", "goal-v1", "--law", "sift", "--quick")
+    assert (code, out) == (2, "")
+    assert err.startswith("servobench: ground.file = 'skimage:")
+    assert err.endswith(": scikit-image is not installed: install servobench[pictures]\n")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("words", ["--band v1", "--sealed x", "--submit x.json"])
