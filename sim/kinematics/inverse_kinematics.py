@@ -14,7 +14,7 @@ from math import degrees
 import mujoco
 import numpy as np
 
-from sim.geometry import VISION_FROM_MUJOCO, angle_of, log_so3
+from sim.geometry import VISION_FROM_MUJOCO, angle_of
 from sim.kinematics.chain import ALL_WAYS
 from sim.kinematics.drives import random_joints
 from sim.kinematics.robot import Robot
@@ -34,8 +34,6 @@ FAR_STARTS = 8
 """Number of these positions: the first one found five poses that quadratic programs missed."""
 SEARCH_STEPS = 60
 """Most steps from one start."""
-NEARLY_BACK = -0.9
-"""Trace of a rotation matrix that turns by 162 deg."""
 NEAR = 1e-3
 """Error below which the damped iteration takes over [m and rad]."""
 LEAST_COST = 1e-4
@@ -280,12 +278,7 @@ def _fit(robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_came
 
     def error(q: Array) -> Array:
         left = robot.place(data, q).inverse() @ T_world_camera
-        # `Rotation` takes twenty times as long, and is needed near half a turn only.
-        if left.rotation.trace() > NEARLY_BACK:
-            turn = log_so3(left.rotation)
-        else:
-            turn = Rotation.from_matrix(left.rotation).as_rotvec()
-        return np.append(left.translation, turn)
+        return np.append(left.translation, Rotation.from_matrix(left.rotation).as_rotvec())
 
     return float(np.linalg.norm(_least_squares(robot, error, [start], SEARCH_STEPS)))
 
