@@ -57,8 +57,9 @@ MEASURED = {
         "Does it predict anything?": (*SEQUENCES, *BENCH, "scenes/benchmarks/loop-v1.toml"),
         "loop-v1": (*BENCH, "scenes/benchmarks/loop-v1.toml"),
         "servo-v1": (*BENCH, "scenes/benchmarks/servo-v1.toml"),
+        "servo-v2": (*BENCH, "scenes/benchmarks/servo-v2.toml"),
     },
-    "scenes/benchmarks/PILOT.md": {REST: (*BENCH, "servo/photo", "scenes/benchmarks/goal-v1.toml")},
+    "scenes/benchmarks/PILOT.md": {REST: (*BENCH, "servo/photo")},
     "tests/benchmarks/README.md": {
         REST: (*LOOP, "servo/output"),
         "Scale": ("servo/study",),
