@@ -28,7 +28,7 @@ from pyarrow import csv
 
 from servo import notebook
 from servo.loop.episode import Episode
-from servo.loop.measure import MEASURES
+from servo.loop.measure import MEASURES, pose_measures
 from servo.loop.run_measures import Outcome
 from servo.loop.step import Step
 from servo.mistake import Mistake, Refused, writing
@@ -249,10 +249,11 @@ class Run(Sequence[Step]):
         verdict = f"missed: {missed}" if missed else "all bounds kept"
         verdict = verdict if self.scenario.expect else "no bounds"
         verdict = unjudged(self.scenario, self.record.success) or verdict
+        of_pose = pose_measures(len(self._episode.loop.features.names))
         rows = [
             [name, shown(self.record.measures[name]), measure.unit, measure.meaning]
             for name, measure in MEASURES.items()
-            if measure.brief
+            if measure.brief or name in of_pose
         ]
         sentence = self.outcome.sentence([*self.record.limits, *self.record.off])
         ending = escape(f"{self.outcome.name}. {sentence} ({verdict})")

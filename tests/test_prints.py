@@ -90,12 +90,25 @@ def test_the_report_of_a_run_is_printed_so(console, approved):
         ),
         seconds=2.345,
     )
-    run_command._print_record(console, scenario, record, all_measures=True)
+    run_command._print_record(console, scenario, record, features=4, all_measures=True)
     run_command.print_missed(console, record)
     job = Job(0, LoadedScenario(scenario), 4)
     kept = replace(record, missed=(), seconds=0.1)
     terminal.print_table(console, check_command._table([(job, record), (job, kept)]))
     approved("prints/run", lines(console))
+
+
+@pytest.mark.parametrize("pose", [(), ("end_position_mm", "end_rotation_deg", "retreat_m")])
+def test_a_run_with_six_features_tells_where_the_camera_ends(pose):
+    record = SimpleNamespace(measures=dict.fromkeys(MEASURES, 0.37))
+    features = 6 if pose else 5
+    told = ["servo_rms_px", "servo_peak_px", "tracking_rms_px", *pose]
+    line = run_command._bounds_line(load("reversal", ["expect={}"]), record, features)
+    assert line == "  " + ", ".join(f"{name} 0.37" for name in told)
+    bounded = load("reversal", ["expect={retreat_m=0.2}"])
+    others = [f"{name} 0.37" for name in pose if name != "retreat_m"]
+    line = run_command._bounds_line(bounded, record, features)
+    assert line == "  " + ", ".join(["retreat_m 0.37 (bound 0.2)", *others])
 
 
 def test_bounds_of_a_run_that_is_too_short_are_missed_in_one_line(tmp_path, capfd):

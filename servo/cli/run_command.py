@@ -29,7 +29,7 @@ from servo.closing import closing
 from servo.loop.columns import Columns
 from servo.loop.episode import Episode
 from servo.loop.events import remarks_on_tracker
-from servo.loop.measure import MEASURES
+from servo.loop.measure import MEASURES, pose_measures
 from servo.loop.part_failures import PartFailed
 from servo.loop.run_measures import Outcome, timed
 from servo.loop.settings import DOES_NOT_REPEAT, Setup
@@ -139,7 +139,13 @@ def run(
             raise
     job = Job(0, LoadedScenario(loaded), loaded.run.seed, command=again)
     record = record_of(job, loaded, steps)
-    _print_record(console, loaded, record, all_measures=all_measures)
+    _print_record(
+        console,
+        loaded,
+        record,
+        features=len(steps.first.scene.features.names),
+        all_measures=all_measures,
+    )
     doubt = remarks_on_tracker(steps, is_guest=isinstance(loaded.tracker, GuestSettings))
     plain(console, unjudged(loaded, record.success), doubt)
     if all_measures:
@@ -288,15 +294,17 @@ def _start_lines(episode: Episode) -> list[str]:
 
 
 def _print_record(
-    console: Console, scenario: Scenario, record: Record, *, all_measures: bool
+    console: Console, scenario: Scenario, record: Record, *, features: int, all_measures: bool
 ) -> None:
-    """Print how a run ended, its measures beside their bounds, and its drawn settings."""
+    """Print how a run with this number of features ended, its measures beside their bounds, and its
+    drawn settings.
+    """
     outcome = f"{record.outcome}. {Outcome[record.outcome].sentence([*record.limits, *record.off])}"
     console.print(f"[bold]{escape(scenario.name)}[/], seed {record.seed}: {outcome}")
     if all_measures:
         print_table(console, _table_of(scenario, record))
     else:
-        plain(console, _bounds_line(scenario, record))
+        plain(console, _bounds_line(scenario, record, features))
     if scenario.drawn:
         values = ", ".join(f"{key} = {shown(value)}" for key, value in scenario.drawn.items())
         plain(console, f"drawn for seed {scenario.run.seed}: {values}")
@@ -316,13 +324,16 @@ def _table_of(scenario: Scenario, record: Record) -> Table:
     return Table(("measure", "value", "bound", "meaning"), rows, words=(0, 3))
 
 
-def _bounds_line(scenario: Scenario, record: Record) -> str:
+def _bounds_line(scenario: Scenario, record: Record, features: int) -> str:
     """Return a line with the measures of a run that have a bound, beside it, or with the most
-    telling ones if none has.
+    telling ones if none has; then those of the camera's pose, if this number of features determines
+    it.
     """
     bounds = {n: b for n, b in scenario.expect.items() if isinstance(b, int | float)}
     told = [f"{name} {record.measures[name]:.3g} (bound {of:g})" for name, of in bounds.items()]
-    return "  " + ", ".join(told or [f"{name} {record.measures[name]:.3g}" for name in TELLING])
+    others = [*(() if bounds else TELLING), *pose_measures(features)]
+    told += [f"{name} {record.measures[name]:.3g}" for name in others if name not in bounds]
+    return "  " + ", ".join(told)
 
 
 def _where_and_next(folder: Path, paths: Sequence[Path], *, all_measures: bool) -> list[str]:

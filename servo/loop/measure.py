@@ -4,6 +4,8 @@ for each, with its name, unit and meaning.
 
 from dataclasses import dataclass
 
+from servo.types import DOF
+
 
 @dataclass(frozen=True, slots=True)
 class Measure:
@@ -201,3 +203,12 @@ COUNTED = tuple(name for name, measure in MEASURES.items() if measure.counted)
 """The measures that count from measure.after on."""
 TIMED = "step_ms"
 """The wall-clock time of a step."""
+OF_POSE = ("end_position_mm", "end_rotation_deg", "retreat_m")
+"""The measures of the camera's pose, which the picture alone does not show."""
+
+
+def pose_measures(features: int) -> tuple[str, ...]:
+    """Return the measures that are among the first shown of a run with this number of features:
+    those of the camera's pose if there are as many features as determine it, else none.
+    """
+    return OF_POSE if features >= len(DOF) else ()

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import tomli_w
 
-from servo.loop.measure import MEASURES, Measure
+from servo.loop.measure import MEASURES, Measure, pose_measures
 from servo.loop.run_measures import Outcome
 from servo.loop.settings import DOES_NOT_REPEAT
 from servo.mistake import Mistake
@@ -56,7 +56,7 @@ def section(folder: Path) -> Section:
     facts = [Fact("bounds kept", badge)]
     facts += [
         Fact(MEASURES[name].meaning, f"{shown(run.measures[name])} {MEASURES[name].unit}", name)
-        for name in KEY_MEASURES
+        for name in (*pose_measures(len(run.features)), *KEY_MEASURES)
         if run.measures.get(name) is not None
     ]
     facts += [
