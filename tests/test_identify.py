@@ -78,7 +78,7 @@ def test_what_a_log_has_in_vain_is_named_and_the_drives_own_servo_too(logged, tm
     done = run(tmp_path / "log.csv", "--out", tmp_path / "out")
     assert done.output.endswith("unused columns (unknown names, or no numbers): joint_x\n")
     number = r"([\d.]+)"
-    [before] = re.findall(rf"# delay {number} .* before the drive", done.output)
+    [before] = re.findall(rf"# a delay of {number} .* before the drive", done.output)
     [(after, own)] = re.findall(rf"lag_ms = {number} .*, which adds {number} ms", done.output)
     [whole] = re.findall(
         rf"one delay, {number} .* one lag, {number} .*; together {number} ", done.output
