@@ -134,8 +134,8 @@ def test_a_folder_of_other_settings_is_refused(monkeypatch, capfd, place, finish
     (place / "mine.toml").write_text(SUITE.replace("frames = 40", "frames = 9"))
     assert bench(monkeypatch, capfd)[::2] == (
         2,
-        "servobench: out: this folder holds another study (its settings differ); choose another "
-        "folder with --out\n",
+        "servobench: out: this folder holds another study (its settings differ: runs); choose "
+        "another folder with --out\n",
     )
 
 

@@ -16,7 +16,7 @@ from publish import FEW, FIRST_PAGE, PAGES, with_tables
 
 from servo.bench import audit
 from servo.bench import benchmark as benchmarks
-from servo.bench.benchmark import NAMES, Band, World, condition_of, load
+from servo.bench.benchmark import DRAFTS, NAMES, Band, World, condition_of, load
 from servo.bench.contestant import Contestant, Division, contestants, scale_of
 from servo.bench.row import (
     TAUS,
@@ -49,6 +49,7 @@ from servo.scenario.toml import copied, put
 from servo.study.run import Record
 from servo.types import Command
 from sim import world as sim_world
+from sim.files import picture_name
 
 DIGEST = 64 * "0"
 BENCH = ("benchmark", "servo-v1", "--workers", "1")
@@ -117,6 +118,13 @@ def test_sealed_seeds_stay_those_of_the_frozen_benchmark_the_digest_and_the_valu
         ("plain-01", 444122274789),
         ("camouflage-29", 872531158945),
     ]
+
+
+def test_every_world_of_a_draft_is_a_valid_scenario():
+    for name in DRAFTS:
+        draft = load(name)
+        for world in draft.every_world(Band("dev")):
+            draft.scenario_of(world, draft.null)
 
 
 def test_every_world_is_a_valid_scenario(public):
@@ -609,8 +617,8 @@ def test_a_bench_does_not_go_on_with_another_guest(monkeypatch, capfd, short):
     law.write_text(law.read_text() + "# another one\n")
     assert call(monkeypatch, capfd, "benchmark", *words)[::2] == (
         2,
-        "servobench: o: this folder holds another study (its settings differ); choose another "
-        "folder with --out\n",
+        "servobench: o: this folder holds another study (its settings differ: code.m); choose "
+        "another folder with --out\n",
     )
 
 
@@ -802,7 +810,7 @@ def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):
         ),
         (
             "clutter --band v1",
-            "'clutter' is not one of 'loop-v1', 'servo-v1', 'servo-v2', 'goal-v1'",
+            "'clutter' is not one of 'loop-v1', 'servo-v1', 'servo-v2', 'goal-v1', 'loop-v2'",
         ),
         (
             "goal-v1 --law pose",
@@ -818,16 +826,23 @@ def test_wrong_options_end_in_a_sentence(monkeypatch, capfd, tmp_path, arguments
     assert sentence in err
 
 
+def test_missing_pictures_are_named_before_anything_runs(monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(picture_name, "find_spec", lambda _: None)
+    code, out, err = call(monkeypatch, capfd, "benchmark", "goal-v1", "--law", "sift", "--quick")
+    assert (code, out) == (2, "")
+    assert err.startswith("servobench: ground.file = 'skimage:")
+    assert err.endswith(": scikit-image is not installed: install servobench[pictures]\n")
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("words", ["--band v1", "--sealed x", "--submit x.json"])
 def test_only_the_worlds_to_tune_on_of_a_draft_can_be_run(monkeypatch, capfd, words):
-    draft = replace(load("goal-v1"), frozen={})
-    assert draft.is_draft
-    assert not load("goal-v1").is_draft
-    monkeypatch.setattr(benchmark_command, "load", lambda name: draft)
-    code, _, err = call(monkeypatch, capfd, "benchmark", "goal-v1", *words.split())
+    assert [name for name in (*NAMES, *DRAFTS) if load(name).is_draft] == [*DRAFTS]
+    code, _, err = call(monkeypatch, capfd, "benchmark", "loop-v2", *words.split())
     assert (code, err) == (
         2,
-        "servobench: goal-v1 is a draft, whose conditions may still change: only its worlds to tune "
+        "servobench: loop-v2 is a draft, whose conditions may still change: only its worlds to tune "
         "on can be run: leave --band v1, --sealed and --submit out\n",
     )
 

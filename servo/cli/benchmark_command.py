@@ -33,6 +33,7 @@ from servo.study.execute import Workers, check_number, execute
 from servo.study.run import Failure, Record
 from servo.study.store import Store, StudyFile, opened
 from sim.camera import gl
+from sim.files.picture_name import SKIMAGE, packaged
 from tracking.files import atomic
 from tracking.files.json_text import as_json
 
@@ -101,9 +102,10 @@ def run(
     of = _sealed(sealed, chosen[0]) if sealed is not None else Band("v1" if band == "v1" else "dev")
     worlds = benchmark.every_world(of, QUICK if quick else None)
     firsts = [benchmark.scenario_of(worlds[0], one.settings) for one in chosen]
+    _check_pictures(worlds)
     try_out((part for first in firsts for part in (first.tracker, first.controller)), console)
     known = _scale_rows(benchmark) if of.name == "v1" else []
-    every = chosen if known else [*scale_of(benchmark), *chosen]
+    every = chosen if known else [*chosen, *scale_of(benchmark)]
     jobs = jobs_of(benchmark, every, worlds)
     check_number(len(jobs))
     folder = out or Path("runs") / f"benchmark-{name}"
@@ -138,11 +140,16 @@ def run(
             "sealed": sealed,
             "quick": quick,
             "contestants": {one.name: as_json(one.settings) for one in every},
-            "digests": {one.name: one.digest for one in every},
+            "code": {one.name: one.digest for one in every},
         },
         scenarios={},
     )
-    plain(console, f"{name} {benchmark.hash}, worlds: {of.name}")
+    names = ", ".join(one.name for one in every)
+    plain(
+        console,
+        f"{name} {benchmark.hash}, worlds: {of.name}",
+        f"{len(jobs):,} runs in {len(worlds)} worlds: {names}{_slowed(benchmark)}",
+    )
     with Workers(workers) as pool, opened(folder, described) as store:
         store.find(jobs)
         failed = complete_jobs(jobs, store, pool, console, f"benchmark {name}", go_on(command, out))
@@ -151,10 +158,38 @@ def run(
         _keep(store, rows)
         _print(console, benchmark, rows)
         if submit is not None and not failed:
-            _submit(submit, rows[-1], records)
+            _submit(submit, next(r for r in rows if r.contestant == chosen[0].name), records)
             plain(console, f"  {submit}")
         plain(console, f"for a page of results, run: servobench report {store.folder}")
     return 1 if failed else 0
+
+
+def _check_pictures(worlds: Sequence[World]) -> None:
+    """Check that the pictures of the package scikit-image that worlds show are there.
+
+    Raises:
+        Mistake: The package is not installed, or lacks a picture.
+    """
+    named = {
+        value: key
+        for world in worlds
+        for key, value in world.settings.items()
+        if isinstance(value, str) and value.startswith(SKIMAGE)
+    }
+    for value, key in named.items():
+        try:
+            packaged(value, key)
+        except ValueError as error:
+            raise Mistake(str(error)) from None
+
+
+def _slowed(benchmark: Benchmark) -> str:
+    """Return the part of a sentence that says in which worlds trackers run more than once."""
+    slow = benchmark.slow
+    if slow is None:
+        return ""
+    times = ", ".join(f"{ms:g}" for ms in slow.values)
+    return f"; in those of {slow.condition} also with {times} ms for a picture"
 
 
 def _sealed(value: str, one: Contestant) -> Band:

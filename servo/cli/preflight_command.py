@@ -225,8 +225,9 @@ def stated_mount(given: Given, table: pa.Table) -> Mount | None:
         return believed_mount(tuple(given.mount))
     if given.eye_to_hand:
         camera = None if given.scenario is None else load(given.scenario).camera
-        is_stated = camera is not None and camera.mounted == "world"
-        return believed_mount(camera.pose) if is_stated else None
+        if camera is None or camera.mounted != "world":
+            return None
+        return believed_mount(camera.pose)
     is_stated = is_camera(table, given.log, given.scenario)
     return believed_mount((0.0,) * 6) if is_stated else None
 

@@ -13,7 +13,7 @@ from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -22,6 +22,7 @@ from filelock import FileLock, Timeout
 from servo.mistake import Mistake, Refused, check_rules, writing
 from servo.output.formats import Document, Made, Number, OtherFormat
 from servo.output.versions import RENDERING, SOURCE, versions
+from servo.scenario.draws import leaves
 from servo.scenario.toml import Table
 from servo.study.plan import Study
 from servo.study.record_file import parquet, record_of, series_table, stored, table_of
@@ -51,6 +52,8 @@ SERIES = "series.parquet"
 LOCK = ".lock"
 BATCH = 1000
 """Most records that are in memory at once when tables are made."""
+NAMED = 3
+"""Most differing settings that a message names."""
 MOST_FAILURES = 40
 """Most files of failures in a folder."""
 DECIDE = {
@@ -291,6 +294,17 @@ def _described(folder: Path, holds: str) -> StudyFile | None:
         ) from None
 
 
+def _names(before: object, now: object) -> str:
+    """Return ": " and the first dotted keys whose values differ between two tables; "" for values
+    that are no tables.
+    """
+    if not (isinstance(before, dict) and isinstance(now, dict)):
+        return ""
+    old, new = (dict(leaves(cast(Table, as_json(table)))) for table in (before, now))
+    keys = [key for key in {**new, **old} if old.get(key) != new.get(key)]
+    return ": " + ", ".join(keys[:NAMED]) + (", ..." if len(keys) > NAMED else "")
+
+
 def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
     """Check that a folder, whose study.json is `before`, has results of the same study, command and
     versions as `now`.
@@ -307,8 +321,9 @@ def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
         *(
             (
                 as_json(getattr(before, what)) != as_json(getattr(now, what)),
-                f"{folder}: this folder holds another study (its {words} differ); choose another "
-                "folder with --out",
+                f"{folder}: this folder holds another study (its {words} differ"
+                f"{_names(getattr(before, what), getattr(now, what))}); choose another folder with "
+                "--out",
             )
             for what, words in DECIDE.items()
         ),

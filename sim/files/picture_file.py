@@ -48,12 +48,13 @@ def read_on_white(file: Path) -> Image:
     """
     image = shrunk(read_image(file))
     with silent_libraries():
-        whole, *exif = cv2.imreadWithMetadata(str(file), flags=cv2.IMREAD_UNCHANGED)
-    if whole is None or whole.dtype.kind != "u" or whole.ndim == 2 or whole.shape[2] < 4:
+        found, kinds, exif = cv2.imreadWithMetadata(str(file), flags=cv2.IMREAD_UNCHANGED)
+    whole = np.asarray(found)  # of objects, if `found` is None
+    if whole.dtype.kind != "u" or whole.ndim == 2 or whole.shape[2] < 4:
         return image
     # OpenCV turns a picture as its EXIF data say, but not one with four channels.
-    _, alone = cv2.imencodeWithMetadata(".png", np.ascontiguousarray(whole[..., 3]), *exif)
-    alpha = cv2.imdecode(alone, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
+    _, alone = cv2.imencodeWithMetadata(".png", np.ascontiguousarray(whole[..., 3]), kinds, exif)
+    alpha = np.asarray(cv2.imdecode(alone, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH))
     share = shrunk(alpha) / (255 if whole.dtype == np.uint8 else 65535)
     return (255 - share[..., None] * (255.0 - image)).round().astype(np.uint8)
 

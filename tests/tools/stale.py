@@ -98,7 +98,7 @@ def sections(root: Path, page: str) -> Iterator[tuple[str, int, str]]:
     """Yield (heading, time of the newest commit [s since 1970], commit) for each section of a page,
     from its tables' lines or, where it has none, from all of its lines.
     """
-    lines = LINE.findall(git(root, "blame", "--line-porcelain", "HEAD", "--", page))
+    lines = LINE.findall(git(root, "blame", "-C", "--line-porcelain", "HEAD", "--", page))
     starts = [number for number, line in enumerate(lines) if HEADING.match(line[2])]
     for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
         rows = [line for line in lines[start:end] if line[2].startswith("|")] or lines[start:end]
