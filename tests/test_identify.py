@@ -66,6 +66,8 @@ def test_the_lines_are_settings_and_a_picture_is_beside_them(logged, tmp_path):
     scenario = load("line", changes)
     assert scenario.run.latency_ms % (1e3 / 120) == pytest.approx(0.5e3 / 120, abs=0.01)
     assert scenario.run.latency_ms == pytest.approx(45, abs=9)
+    [after] = re.findall(r"drives take commands over every 8.333 ms, so these after (\S+) ms", text)
+    assert float(after) == pytest.approx(scenario.run.latency_ms + 0.5e3 / 120, abs=0.01)
     assert scenario.robot.backlash[1] == pytest.approx(0.006, abs=3e-4)
     assert scenario.robot.backlash[2:] == (0.0,) * 4
     assert (tmp_path / "out" / "response.png").read_bytes().startswith(b"\x89PNG")
