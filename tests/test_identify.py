@@ -66,6 +66,8 @@ def test_the_lines_are_settings_and_a_picture_is_beside_them(logged, tmp_path):
     scenario = load("line", changes)
     assert scenario.run.latency_ms % (1e3 / 120) == pytest.approx(0.5e3 / 120, abs=0.01)
     assert scenario.run.latency_ms == pytest.approx(45, abs=9)
+    [after] = re.findall(r"drives take commands over every 8.333 ms, so these after (\S+) ms", text)
+    assert float(after) == pytest.approx(scenario.run.latency_ms + 0.5e3 / 120, abs=0.01)
     assert scenario.robot.backlash[1] == pytest.approx(0.006, abs=3e-4)
     assert scenario.robot.backlash[2:] == (0.0,) * 4
     assert (tmp_path / "out" / "response.png").read_bytes().startswith(b"\x89PNG")
@@ -78,7 +80,7 @@ def test_what_a_log_has_in_vain_is_named_and_the_drives_own_servo_too(logged, tm
     done = run(tmp_path / "log.csv", "--out", tmp_path / "out")
     assert done.output.endswith("unused columns (unknown names, or no numbers): joint_x\n")
     number = r"([\d.]+)"
-    [before] = re.findall(rf"# delay {number} .* before the drive", done.output)
+    [before] = re.findall(rf"# a delay of {number} .* before the drive", done.output)
     [(after, own)] = re.findall(rf"lag_ms = {number} .*, which adds {number} ms", done.output)
     [whole] = re.findall(
         rf"one delay, {number} .* one lag, {number} .*; together {number} ", done.output

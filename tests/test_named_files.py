@@ -143,6 +143,7 @@ def test_a_trial_whose_file_has_changed_is_made_again(tmp_path):
     base, described = trial_study("tune", "parts/mine.toml", [], "servobench tune")
     asked = [({"target.file": str(other)}, 0)]
     with opened(tmp_path / "out", described) as store, Workers(1) as workers:
+        store.find()
         do = Trials(base, store, workers, lambda _: None)
         do(asked)
         do(asked)

@@ -190,14 +190,19 @@ def tuned(folder, **options):
     return tune_command.run(**QUICK | given | options)
 
 
-def test_the_command_writes_lines_and_a_page_and_repeats_no_run(tmp_path, monkeypatch):
-    assert tuned(tmp_path) == 0
+def test_the_command_writes_lines_and_a_page_and_repeats_no_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("servo.cli.jobs.FIRST", 0.0)
+    assert tuned(tmp_path, quiet=False) == 0
+    said = capsys.readouterr()
+    assert "tune: 14 runs at most, 0 of them finished\n" in said.out
+    assert said.err.startswith("tune: 1 of 14, seed 1, ")
     written = json.loads((tmp_path / "tune.json").read_text())
     assert (tmp_path / "tuned.toml").read_text().startswith("[")
     assert "What each setting does" in (tmp_path / "report.html").read_text()
     assert len(written["fresh_after"]) == 2
     monkeypatch.setattr("servo.study.execute._run", lambda job, folder: 1 / 0)
-    assert tuned(tmp_path) == 0
+    assert tuned(tmp_path, quiet=False) == 0
+    assert "tune: 14 runs at most, 14 of them finished\n" in capsys.readouterr().out
     assert json.loads((tmp_path / "tune.json").read_text()) == written
     with pytest.raises(Mistake, match=r"has its page already: open report\.html"):
         report_command.write([tmp_path], None)

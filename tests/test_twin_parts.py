@@ -13,6 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from servo.cli.main import app
 from servo.loop.episode import Episode
+from servo.output.formats import Made
+from servo.report.words import Tone
 from servo.scenario.load import load
 from servo.twin import section
 from servo.twin.compare import Comparison
@@ -173,6 +175,15 @@ def test_a_correction_of_poses_takes_its_mistake_back(mistake, values, usual):
     assert len(found) == 26
     np.testing.assert_allclose(found[mistake].change(np.array([POSE])), [values])
     assert found[mistake].is_usual is usual
+
+
+def test_the_columns_of_a_quaternion_are_named_with_what_they_hold():
+    names = [f"hand_{each}" for each in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")]
+    found = named(log(Kind.POSES, [POSE], names))
+    assert found["the quaternion's numbers are in the order w, x, y, z"].remedy == (
+        "log each part of the quaternion in the column of its name: now hand_qx holds w, hand_qy "
+        "holds x, hand_qz holds y, hand_qw holds z (w is the cosine)"
+    )
 
 
 def test_inverse_poses_are_turned_back():
@@ -451,6 +462,11 @@ def test_what_is_strange_in_a_film_is_a_doubt():
 )  # fmt: skip
 def test_a_stated_mount_is_compared_with_the_found_one(stated, sentence):
     found = verdict(believed=believed_mount(stated))
+    ways = "x {:.1f}, y {:.1f}, z {:.1f}".format(*(1e3 * np.array(stated[:3])))
+    assert rows(found)["mount: lever"] == (
+        f"x 20.0, y 0.0, z 10.0 mm, +- 2.0; stated {ways}, ok up to 12 mm along each axis"
+    )
+    assert rows(found)["mount: rotation"].endswith(", ok up to a turn of 1.6 deg")
     said = rows(found).get("mount: against --mount")
     if said is not None and "180" in said:
         assert sentence.replace(" z)", " -z)") in (said, said.replace(" z)", " -z)"))
@@ -582,6 +598,12 @@ def test_the_twin_of_a_camera_that_stands_has_its_place_and_no_replay(tmp_path, 
     assert scenario.camera.pose == pytest.approx((0, -0.9, 0.75, -100, 0, 10))
     assert (scenario.camera.exposure, scenario.camera.readout_ms) == (pytest.approx(0.2), 30)
     assert scenario.believed.hand_eye_mm == pytest.approx([0, -49.24, -8.68], abs=0.01)
+    text = (folder / "twin.toml").read_text()
+    assert "0 as soon as your program has x 0.0, y -900.0, z 750.0 mm in the base\n" in text
+    assert "0 as soon as your program has roll -100.00, pitch 0.00, yaw 10.00 deg\n" in text
+    assert (
+        "the pre-flight with the other sign, +- 1.00 ms: 0 as soon as your driver adds 50" in text
+    )
     assert sorted(each.name for each in folder.iterdir()) == ["report.html", "twin.toml"]
 
 
@@ -631,6 +653,22 @@ def test_a_table_has_a_word_for_each_finding():
         ["b", "refused", "why", "record"],
         ["c", "wrong", "off", "turn"],
     ]
+    assert [badge.tone for _, badge, *_ in table.rows] == [Tone.GOOD, *[Tone.BAD] * 3]
+    assert table.note.startswith("adjust: the robot can follow, but ")
+
+
+@pytest.mark.parametrize(
+    ("findings", "lead"),
+    [
+        ([("a", "fits")], "Log and film fit each other. "),
+        ([("a", "late", "add"), ("b", "fits")], "Log and film fit each other. Lines that say what to change before the robot moves by its camera: 1."),
+        ([("a", "late", "add"), ("b", "off", "turn", False)], "Lines that say what to change before the robot moves by its camera: 2."),
+    ],
+)  # fmt: skip
+def test_a_page_counts_all_lines_that_say_what_to_change(tmp_path, findings, lead):
+    rows = [Finding(what, *words) for what, *words in findings]
+    found = compared(verdict=Verdict(rows, [], None, None, False, False, []))
+    assert section.section(found, tmp_path, Made(command="", versions={})).lead == lead
 
 
 def test_a_replay_of_simulated_pictures_differs_by_nothing(tmp_path):

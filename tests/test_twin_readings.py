@@ -301,10 +301,12 @@ def test_the_page_says_which_command_repeats_it(tmp_path):
     given = Given(tmp_path / "log.csv", "film.mp4", mount=[0.5, 0, 0, 90, 0, 1.5], begins=2.0)
     words = f"{tmp_path / 'log.csv'} film.mp4"
     assert made(given).command == (
-        f"servobench preflight {words} --rate 30.0 --begins 2.0 --mount 0.5,0,0,90,0,1.5"
+        f"servobench preflight {words} --begins 2.0 --mount 0.5,0,0,90,0,1.5"
     )
+    slow = Given(tmp_path / "log.csv", "film.mp4", rate=10.0)
+    assert made(slow).command == f"servobench preflight {words} --rate 10.0"
     assert made(Given(tmp_path / "log.csv", "film.mp4"), "twin", on="line").command == (
-        f"servobench twin {words} --rate 30.0 --on line"
+        f"servobench twin {words} --on line"
     )
     mount = stated_mount(given, pa.table({}))
     np.testing.assert_allclose(mount.lever, [0.5, 0, 0], atol=1e-12)
@@ -350,7 +352,12 @@ def test_a_preflight_of_another_film_refuses_all_numbers(unrelated):
     for part in ("clock offset refused", "mount: rotation refused", "mount: lever refused"):
         assert part in said
     page = (out / "report.html").read_text()
-    for text in ("5.9 s", "60 pictures, 160 x 120 px", "3 lines need attention", "not ready"):
+    for text in (
+        "5.9 s",
+        "60 pictures, 160 x 120 px",
+        "robot moves by its camera: 3.",
+        "not ready",
+    ):
         assert text in page, text
 
 
@@ -365,7 +372,10 @@ def test_a_twin_of_another_film_has_its_size_and_rate_and_no_replay(unrelated):
     assert scenario.camera.fx == pytest.approx(80 / np.tan(np.radians(38.5)), abs=0.006)
     assert scenario.believed.clock_offset_ms == 0
     lines = (out / "twin.toml").read_text().splitlines()
-    assert lines[0] == "# the robot of a recording, on the scenario line"
+    assert lines[:2] == [
+        "# the robot of a recording, on the scenario line",
+        "# left out: [vary], [expect] of line, which were for its own robot; add your own",
+    ]
     assert "# hand_eye: not known; it needs a mount that is not refused, and --mount" in lines
     assert "# mistakes in the recording: none found" in lines
     assert lines[lines.index(f"fx = {scenario.camera.fx}") - 1] == "# given"

@@ -327,7 +327,11 @@ def compare() -> None:
 @opt.changes_option
 @opt.exact_option
 @click.option(
-    "--budget", type=opt.COUNT, default=300, show_default=True, help="Runs of the search, at most."
+    "--budget",
+    type=opt.COUNT,
+    default=300,
+    show_default=True,
+    help="Runs of the search, at most; at least 5 times --seeds.",
 )
 @click.option(
     "--seeds",

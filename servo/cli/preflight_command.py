@@ -38,6 +38,8 @@ from tracking.sequences.bag_file import is_bag
 PAGE = "report.html"
 ASSUMED = 60.0
 """Horizontal field of view of a camera of which nothing is known [deg]."""
+RATE = 30.0
+"""Rate of a folder of pictures for which none is given [Hz]."""
 WHOLE = 0.99
 """Share of a film inside the log from which on it counts as whole."""
 PICTURES = 3600
@@ -66,7 +68,7 @@ class Given:
     """Stated mount: x, y, z [m], roll, pitch, yaw [deg]."""
     exposure_ms: float | None = None
     readout_ms: float | None = None
-    rate: float = 30.0
+    rate: float = RATE
     topic: str | None = None
     stamps: Path | None = None
     begins: float | None = None
@@ -168,6 +170,8 @@ def made(given: Given, command: str = "preflight", **more: object) -> Made:
             "eye_to_hand",
         )
     }
+    if given.rate == RATE:
+        del options["rate"]
     if given.mount is not None:
         options["mount"] = ",".join(f"{each:g}" for each in given.mount)
     line = command_line(command, str(given.log), given.video, **options, **more)

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from servo.cli.guard import stop
 from servo.cli.jobs import go_on, progress
-from servo.cli.terminal import print_paths
+from servo.cli.terminal import plain, print_paths
 from servo.mistake import Mistake, Refused
 from servo.report.page import Section, render
 from servo.study.execute import Workers
@@ -50,8 +50,11 @@ def trials(
         gl.is_there()
     again = go_on(described.command, folder)
     with opened(folder, described) as store, workers:
+        store.find()
+        finished = len(store.done)
+        plain(console, f"{described.holds}: {total:,} runs at most, {finished:,} of them finished")
         try:
-            with progress(console, described.holds, total) as ended:
+            with progress(console, described.holds, total, finished) as ended:
                 yield Trials(base, store, workers, ended)
         except KeyboardInterrupt as cause:
             stop(cause, f"{len(store.done)} runs are finished; {again}")

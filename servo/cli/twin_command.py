@@ -26,7 +26,7 @@ from servo.twin import section as sections
 from servo.twin.compare import Comparison
 from servo.twin.readings import command_log, film
 from servo.twin.replay import FILM, RECORDING, turned_by, write_replay
-from servo.twin.verdict import MM
+from servo.twin.verdict import MM, angles_text, place_text
 from sim.types import Camera, Image
 from tracking.drawing.picture_bytes import encoded
 from tracking.files import atomic
@@ -34,8 +34,12 @@ from tracking.files import atomic
 SCENARIO = "twin.toml"
 DEFAULT = "line"
 DROPPED = ("vary", "expect", "sweep")
-"""Tables that judge the scenario to begin with."""
+"""Tables that draw settings of the scenario to begin with, or judge it."""
 STILLS = 3
+HEADING = (
+    "The heading of the scene on the table is free: the simulated one may be turned about the "
+    "vertical, and then differs everywhere."
+)
 
 
 def run(log: Path, video: str | None, base: str | None, out: Path | None, **options: object) -> int:
@@ -79,6 +83,10 @@ def run(log: Path, video: str | None, base: str | None, out: Path | None, **opti
     if stands:
         plain(console, "no replay: the film does not show where the target is in the hand")
     elif compared.verdict.mount is not None:
+        plain(
+            console,
+            f"{SCENARIO} is complete; the rest is the film of the replay, which Ctrl-C ends early",
+        )
         blocks += _replay(given, compared, camera, begins, written, folder, console)
     else:
         plain(console, "no replay: the mount is refused")
@@ -118,18 +126,27 @@ def _changes(
             offset, half = verdict.offset.value, verdict.offset.half
         changes["believed.clock_offset_ms"] = round(-MM * offset, 2)
         notes["believed.clock_offset_ms"] = (
-            f"+- {MM * half:.2f} ms: 0 as soon as your driver adds {MM * offset:.2f} ms to each "
-            "stamp"
+            f"stamp of a picture minus its true time, so the offset of the pre-flight with the "
+            f"other sign, +- {MM * half:.2f} ms: 0 as soon as your driver adds {MM * offset:.2f} "
+            "ms to each stamp"
         )
     stated = stated_mount(given, table)
     if verdict.mount is not None and stated is not None:
         vector, place = turned_by(stated, mount)
         half = np.degrees(mount.halves[1:4].max())
         changes["believed.hand_eye_rotation_deg"] = np.degrees(vector).round(3).tolist()
-        notes["believed.hand_eye_rotation_deg"] = f"+- {half:.2f} deg: 0 as soon as it is corrected"
+        notes["believed.hand_eye_rotation_deg"] = (
+            "the stated camera as the found one sees it (x right, y down, z forward), a rotation "
+            f"vector, +- {half:.2f} deg: not a difference of roll, pitch and yaw; 0 as soon as "
+            f"your program has {angles_text(mount)} deg"
+        )
         if verdict.has_lever and abs(place).max() < 1:
             changes["believed.hand_eye_mm"] = (MM * place).round(2).tolist()
-            notes["believed.hand_eye_mm"] = f"+- {MM * mount.halves[4:7].max():.1f} mm"
+            notes["believed.hand_eye_mm"] = (
+                f"stated minus found position, along the found camera's axes, +- "
+                f"{MM * mount.halves[4:7].max():.1f} mm: 0 as soon as your program has "
+                f"{place_text(mount)} mm in the {'base' if given.eye_to_hand else 'hand'}"
+            )
     else:
         notes["2"] = "hand_eye: not known; it needs a mount that is not refused, and --mount"
     notes["3"] = "mistakes in the recording: " + ("; ".join(verdict.mistakes) or "none found")
@@ -194,9 +211,15 @@ def toml(scenario: str, changes: dict[str, object], notes: dict[str, str]) -> st
         Mistake: A setting is not possible.
     """
     texts = [f"{key}={tomli_w.dumps({'x': value})[4:].strip()}" for key, value in changes.items()]
-    table = {k: v for k, v in load(scenario, texts).table.items() if k not in DROPPED}
+    table = dict(load(scenario, texts).table)
+    dropped = [f"[{key}]" for key in DROPPED if table.pop(key, None) is not None]
     part = ""
     lines = [f"# the robot of a recording, on the scenario {scenario}"]
+    if dropped:
+        lines.append(
+            f"# left out: {', '.join(dropped)} of {scenario}, which were for its own robot; add "
+            "your own"
+        )
     lines += [f"# {note}" for key, note in notes.items() if "." not in key]
     for line in tomli_w.dumps(table).splitlines():
         part = line.strip("[]") if line.startswith("[") else part
@@ -226,7 +249,7 @@ def _replay(
     ):
         found = write_replay(pictures, begins, compared, camera, episode, folder, tick)
     text = f"median difference {np.median(found):.1f} of 255 grey levels"
-    plain(console, f"{path}: film and simulation; {text}")
+    plain(console, f"{path}: film and simulation; {text}", HEADING)
     plain(console, f"servobench view {folder / RECORDING}")
     stills = [
         PageImage.of("", encoded(each), FILM, sheet=True)
@@ -236,8 +259,9 @@ def _replay(
         Block(
             "Film, simulation at the recorded posture, difference",
             [
-                f"The whole film is {FILM}, and {RECORDING} for `servobench view`; {text}. The "
-                f"scene is that of {scenario.name}: only things that it has can agree."
+                f"The whole film is {FILM}, and {RECORDING} for `servobench view`; {text}: half of "
+                "the pixels of half of the pictures differ by less. The scene is that of "
+                f"{scenario.name}: only things that it has can agree. {HEADING}"
             ],
             pictures=stills,
         )

@@ -28,11 +28,14 @@ def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequenc
         doubts: Sentences about the reasons why the settings may be wrong.
     """
     late = found.delay.value + found.transport
-    latency = max(0.0, (floor(late / tick + 0.5) - 0.5) * tick)
-    arrival = f", and {found.transport * MILLI:.2f} ms until a picture arrives"
+    steps = floor(late / tick + 0.5)
+    latency = max(0.0, (steps - 0.5) * tick)
+    arrival = f" and {found.transport * MILLI:.2f} ms until a picture arrives"
     delay = (
-        f"latency_ms = {latency * MILLI:.2f}  # delay {interval_text(found.delay, MILLI)} ms "
-        f"before the drive{arrival if found.transport > 0 else ''}; the drives round it up"
+        f"latency_ms = {latency * MILLI:.2f}  # a delay of {interval_text(found.delay, MILLI)} ms "
+        f"before the drive{arrival if found.transport > 0 else ''} was found; simulated drives "
+        f"take commands over every {tick * MILLI:.4g} ms, so these after "
+        f"{steps * tick * MILLI:.4g} ms"
     )
     jitter = "# jitter_ms: not known; it needs arrived_s with varied times of the clock of time_s"
     if found.jitter is not None:

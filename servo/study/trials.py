@@ -36,11 +36,11 @@ class Trials:
         workers: Workers,
         ended: Callable[[str], None],
     ) -> None:
-        """Find the finished runs.
+        """Keep what runs need.
 
         Args:
             base: The scenario.
-            store: The folder of the command.
+            store: The folder of the command, after `Store.find`.
             workers: The processes that do the runs.
             ended: Is called after each run, with a note.
         """
@@ -48,7 +48,6 @@ class Trials:
         self._store = store
         self._workers = workers
         self._ended = ended
-        store.find()
 
     def __call__(self, asked: Sequence[Trial]) -> list[Record | None]:
         """Do the runs that have no record yet, and return the records of all, with their values

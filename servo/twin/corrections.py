@@ -208,16 +208,19 @@ def _signs(what: str, first: int) -> Iterator[Correction]:
     )
 
 
-def _of_poses(_: tuple[str, ...]) -> Iterator[Correction]:
+def _of_poses(names: tuple[str, ...]) -> Iterator[Correction]:
     yield from _orders("the position", 0, 7)
     yield from _signs("the position", 0)
     yield from _orders("the quaternion's vector", 3, 7)
     yield from _signs("the quaternion's vector", 3)
     for order, name in (([4, 5, 6, 3], "w, x, y, z"), ([6, 3, 4, 5], "y, z, w, x")):
         columns = np.array([0, 1, 2, *order])
+        parts = zip(names[3:] or ("qx", "qy", "qz", "qw"), name.split(", "), strict=True)
         yield Correction(
             f"the quaternion's numbers are in the order {name}",
-            "log each part of the quaternion in the column of its name (qw is the cosine)",
+            "log each part of the quaternion in the column of its name: now "
+            + ", ".join(f"{column} holds {part}" for column, part in parts)
+            + " (w is the cosine)",
             _ordered(columns),
             is_usual=name == "w, x, y, z",
         )

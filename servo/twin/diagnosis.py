@@ -188,7 +188,8 @@ def diagnose(
 
     def tried(*given: Correction, of: Tracks = part, scales: tuple[float, ...] = TRIAL) -> Trial:
         trial = _trial(smooth, of, steps, flows, known, along, (*given, *surely), scales)
-        tick(f"cost {trial.cost:.3g}: {given[0].mistake if given else 'as it is'}")
+        supposed = " and ".join(each.mistake for each in given)
+        tick(f"supposing that {supposed}" if given else "supposing that the log is right")
         return trial
 
     as_it_is = tried()

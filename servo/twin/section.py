@@ -30,6 +30,10 @@ SECONDS = 12.0
 """Time that is drawn [s]."""
 MM = 1e3
 SHOWN_PICTURES = 4
+LEGEND = (
+    "adjust: the robot can follow, but pairs pictures with wrong postures until it is changed; "
+    "wrong: it may drive off; refused: the recording does not show it"
+)
 
 
 def table(compared: Comparison) -> Table:
@@ -40,7 +44,7 @@ def table(compared: Comparison) -> Table:
     for each in compared.verdict.findings:
         badge = Badge("refused" if "refused" in each.found else "wrong", Tone.BAD)
         if each.is_good:
-            badge = Badge("adjust", Tone.PLAIN) if each.change else Badge("ok", Tone.GOOD)
+            badge = Badge("adjust", Tone.BAD) if each.change else Badge("ok", Tone.GOOD)
         rows.append(
             [
                 each.what,
@@ -49,7 +53,7 @@ def table(compared: Comparison) -> Table:
                 each.change,
             ]
         )
-    return Table(("", "", "found", "what to change"), rows, words=range(4))
+    return Table(("", "", "found", "what to change"), rows, range(4), LEGEND)
 
 
 def section(compared: Comparison, folder: Path, made: Made, more: Sequence[Block] = ()) -> Section:
@@ -64,12 +68,10 @@ def section(compared: Comparison, folder: Path, made: Made, more: Sequence[Block
     verdict = compared.verdict
     tracks = compared.tracks
     seconds = float(tracks.times[-1] - tracks.times[0])
-    wrong = sum(not each.is_good for each in verdict.findings)
-    lead = (
-        "Log and film fit each other."
-        if verdict.is_good
-        else (f"{wrong} lines need attention before the robot moves by its camera.")
-    )
+    changes = sum(bool(each.change) for each in verdict.findings)
+    lead = "Log and film fit each other. " * verdict.is_good
+    if changes:
+        lead += f"Lines that say what to change before the robot moves by its camera: {changes}."
     facts = [
         Fact(
             "film",

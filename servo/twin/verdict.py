@@ -163,28 +163,16 @@ def judge(
     )
     if not why_no_offset:
         findings += _of_clock(offset, mount, late, use_fit=not why)
-    halves = mount.halves
     if why:
         findings.append(Finding("mount: rotation", f"refused: {why}", RECORD, is_good=False))
     else:
-        roll, pitch, yaw = Rotation.from_matrix(mount.rotation).as_euler("xyz", degrees=True)
-        half = np.degrees(halves[1:4].max())
-        findings.append(
-            Finding(
-                "mount: rotation",
-                f"roll {roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f} deg, +- {half:.2f}",
-            )
-        )
+        findings.append(_rotation(mount, believed))
         if believed is not None:
             findings += _against_believed(mount, believed, mistakes, has_lever=not why_no_lever)
     if why_no_lever:
         findings.append(Finding("mount: lever", f"refused: {why_no_lever}", RECORD, is_good=False))
     else:
-        x, y, z = MM * mount.lever
-        half = MM * halves[4:7].max()
-        findings.append(
-            Finding("mount: lever", f"x {x:.1f}, y {y:.1f}, z {z:.1f} mm, +- {half:.1f}")
-        )
+        findings.append(_lever(mount, believed))
     if not why:
         findings += _of_scale(mount, trusts_along=trusts_along, known=trusts_focal or trusts_along)
         if mount.stray > MANY_STRAY:
@@ -293,6 +281,39 @@ def _no_lever(mount: Mount, axes: tuple[float, float], known: bool) -> str:
         ),
     )
     return next((sentence for applies, sentence in cases if applies), "")
+
+
+def angles_text(mount: Mount) -> str:
+    """Return the rotation of a mount as a text, such as "roll 5.00, pitch -10.00, yaw 20.00"
+    [deg].
+    """
+    angles = Rotation.from_matrix(mount.rotation).as_euler("xyz", degrees=True)
+    return "roll {:.2f}, pitch {:.2f}, yaw {:.2f}".format(*np.round(angles, 2) + 0.0)
+
+
+def place_text(mount: Mount) -> str:
+    """Return the lever of a mount as a text, such as "x 0.0, y 40.0, z 0.0" [mm]."""
+    return "x {:.1f}, y {:.1f}, z {:.1f}".format(*np.round(MM * mount.lever, 1) + 0.0)
+
+
+def _rotation(mount: Mount, believed: Mount | None) -> Finding:
+    """Return the row about the rotation of a mount, with the one that the user states."""
+    half = float(np.degrees(mount.halves[1:4].max()))
+    text = f"{angles_text(mount)} deg, +- {half:.2f}"
+    if believed is not None:
+        text += f"; stated {angles_text(believed)}, ok up to a turn of "
+        text += f"{half + np.degrees(ALIKE):.1f} deg"
+    return Finding("mount: rotation", text)
+
+
+def _lever(mount: Mount, believed: Mount | None) -> Finding:
+    """Return the row about the lever of a mount, with the one that the user states."""
+    half = MM * float(mount.halves[4:7].max())
+    text = f"{place_text(mount)} mm, +- {half:.1f}"
+    if believed is not None:
+        text += f"; stated {place_text(believed)}, ok up to {half + MM * CLOSE:.0f} mm along each "
+        text += "axis"
+    return Finding("mount: lever", text)
 
 
 def _of_film(tracks: Tracks) -> list[str]:
