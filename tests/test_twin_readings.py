@@ -417,8 +417,12 @@ def test_a_twins_scenario_has_its_changes_and_their_comments():
     changes = {"camera.rate": 25, "robot.lag_ms": 40.0}
     text = toml("line", changes, {"robot.lag_ms": "+- 3 ms", "3": "mistakes: none"})
     lines = text.splitlines()
-    assert lines[:2] == ["# the robot of a recording, on the scenario line", "# mistakes: none"]
+    assert lines[:3] == [
+        "# the robot of a recording, on the scenario line",
+        "# left out: [vary], [expect] of line, which were for its own robot; add your own",
+        "# mistakes: none",
+    ]
     assert lines[lines.index("lag_ms = 40.0") - 1] == "# +- 3 ms"
     assert "rate = 25" in text
-    assert "[expect]" not in text
+    assert "[expect]" not in lines
     assert text.endswith("\n")
