@@ -37,8 +37,8 @@ DROPPED = ("vary", "expect", "sweep")
 """Tables that draw settings of the scenario to begin with, or judge it."""
 STILLS = 3
 HEADING = (
-    "The heading of the scene on the table is free: the simulated one may be turned about the "
-    "vertical, and then differs everywhere."
+    "Unless the scene's plane is level and as high as the base's origin, its heading is free: the "
+    "simulated scene may be turned about the vertical, and then differs everywhere."
 )
 
 
