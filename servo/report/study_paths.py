@@ -94,14 +94,16 @@ def _in_space(ax: Any, path: Array, box: Array) -> None:
     side = 0.1 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
     ax.plot(*side.T, np.zeros(5), color=INK, lw=1)
     ax.set(xlim=(-aside, aside), ylim=(-aside, aside), zlim=(0, above))
-    ax.set_box_aspect((2 * aside, 2 * aside, above), zoom=1.25)
+    ax.set_box_aspect((2 * aside, 2 * aside, above), zoom=1.15)
     ax.view_init(elev=22, azim=-60)
     ax.tick_params(labelsize=7, pad=-2)
-    for axis, label in zip(
-        (ax.xaxis, ax.yaxis, ax.zaxis), ("x [m]", "y [m]", "-z [m]"), strict=True
+    for axis, label, pad in (
+        (ax.xaxis, "x [m]", -8),
+        (ax.yaxis, "y [m]", -8),
+        (ax.zaxis, "-z [m]", -10),
     ):
         axis.set_label_text(label, fontsize=7)
-        axis.labelpad = -6
+        axis.labelpad = pad
     ax.locator_params(nbins=3)
 
 
