@@ -34,6 +34,16 @@ def test_curves_with_bands_points_dashes_and_shade(chart):
     )
 
 
+@pytest.mark.parametrize(("low", "ends"), [(0, (0, 3.5)), (None, (2.5, 3.5))])
+def test_rounding_has_no_range_of_its_own(low, ends):
+    y = 3 + 1e-14 * np.array([0.0, 5.0, 1.0, 300.0, 7.0])
+    figure = charts.curves("t", Scale("x"), Scale("y", low=low, log_from=5.0), [Curve("c", X, y)])
+    assert figure.drawing.axes[0].get_ylim() == pytest.approx(ends)
+    figure = charts.curves("t", Scale("x"), Scale("y", 0, log_from=5.0), [Curve("c", X, y - 3)])
+    axes = figure.drawing.axes[0]
+    assert (axes.get_yscale(), axes.get_ylim()) == ("linear", pytest.approx((0, 0.5)))
+
+
 @pytest.mark.parametrize("deep", [30.0, 1e3, 1e9])
 @pytest.mark.newest
 def test_a_curve_over_decades_has_a_logarithmic_axis(chart, deep):

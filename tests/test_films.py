@@ -224,6 +224,7 @@ def test_two_runs_are_beside_each_other_and_the_shorter_one_stands_still(tmp_pat
     with Episode(loaded[0]) as left, Episode(loaded[1]) as right:
         write_film_of_two((left, right), ("a", "b"), tmp_path / "a.mp4", notes.append)
     errors = np.array([re.findall(r"[\d.]+", note) for note in notes], float)
+    assert [note.endswith(" px (ended)") for note in notes] == 6 * [False] + 3 * [True]
     np.testing.assert_array_equal(errors[:6, 0], errors[:6, 1])
     np.testing.assert_array_equal(errors[6:, 1], errors[5, 1])
     assert errors[5, 0] - errors[-1, 0] > 2
@@ -273,6 +274,14 @@ def test_the_command_takes_words_of_run_and_folders(tmp_path, monkeypatch):
     assert [loaded.run.duration for loaded in asked] == [0.1, 0.1]
     assert {kind_of(loaded.tracker) for loaded in asked} == {"frozen"}
     assert {kind_of(loaded.controller) for loaded in asked} == {"hold"}
+
+
+@pytest.mark.parametrize("runs", [["still"], ["still", "line", "--seed"], []])
+def test_a_film_is_of_two_runs(runs):
+    result = CliRunner().invoke(app, ["film", "--", *runs])
+    assert str(result.exception) == (
+        f"film: give two runs, each in quotes if it has several words; {len(runs)} were given"
+    )
 
 
 def test_the_room_is_as_it_was_at_the_time_of_the_frame():

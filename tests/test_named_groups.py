@@ -1,5 +1,8 @@
 """Named groups of settings in a study, and the ways that its page draws of them."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from servo.report import study_data, study_paths
@@ -58,3 +61,9 @@ def test_named_groups_are_axes_and_their_page_draws_the_ways(tmp_path, monkeypat
     assert first["camera_z_m"][0] == pytest.approx(-1.1, abs=0.01)
     assert first["corner0_u_px"][0] == pytest.approx(320 - 600 * 0.1 * 0.598 / 1.1, abs=1.0)
     assert "<svg" in pictures[0].svg
+    # A camera that goes far away is drawn in a box of its own.
+    first["camera_z_m"] = first["camera_z_m"] + np.linspace(0, -50, len(first["camera_z_m"]))
+    rows = [dict(row) | {"success": row["run"] > 0} for row in found.rows]
+    axes = study_paths.paths(replace(found, rows=rows))[0].drawing.axes[::2]
+    assert [ax.get_zlim()[1] for ax in axes] == pytest.approx([1.1 * 51.1, 1.21], abs=0.15)
+    assert axes[0].get_zlabel() == "-z [m]"

@@ -1,8 +1,12 @@
 """A policy: a controller that is given pictures."""
 
+import re
 import time
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -151,3 +155,19 @@ def test_it_needs_a_picture_of_the_goal_that_stands():
             loop.start(*episode.shown)
     with pytest.raises(Mistake, match="so the goal must not move"):
         servo.simulate("still", ["goal.depth_to=0.8"], controller=towards)
+
+
+def test_the_policy_of_the_manual_moves_the_camera_after_the_picture():
+    """Where all is 6 px to the right of where it should be, at 0.6 m, the camera goes 12 mm."""
+    page = (Path(__file__).parents[1] / "scenes" / "benchmarks" / "README.md").read_text()
+    names: dict[str, Any] = {}
+    exec(re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)[0], names)
+    camera = servo.Camera(fx=300.0, fy=300.0, cx=160.0, cy=120.0, width=320, height=240)
+    noise = np.random.default_rng(0).integers(0, 256, (280, 360, 3), dtype=np.uint8)
+    ground = cv2.normalize(cv2.GaussianBlur(noise, None, 3.0), None, 0, 255, cv2.NORM_MINMAX)
+    goal, picture = ground[20:260, 20:340], ground[20:260, 14:334]
+    act = names["Policy"]().act
+    np.testing.assert_allclose(
+        act(picture, goal, camera, None, 0.6), [0.012, 0, 0, 0, 0, 0], atol=3e-4
+    )
+    np.testing.assert_array_equal(act(0 * picture, goal, camera, None, 0.6), np.zeros(6))

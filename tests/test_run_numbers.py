@@ -145,8 +145,24 @@ def test_the_plots_show_this(scripted, drawn, approved):
     steps, _, written = scripted
     whole = RunCurves.of(pq.read_table(written.folder / "steps.parquet"), steps[0].scene.features)
     curves = replace(whole, table=whole.table.take([*range(0, len(steps), 2)]))
-    for name, figure in (("motion", plots.motion_figure), ("errors", plots.error_figure)):
-        approved(f"run/plot-{name}", drawn(figure(curves, "title")), ROUNDING)
+    figures = [plots.motion_figure(curves, "title"), plots.error_figure(curves, "title")]
+    assert [figure.get_suptitle() for figure in figures] == [
+        "title: the target's own motion",
+        "title: errors",
+    ]
+    for name, figure in zip(("motion", "errors"), figures, strict=True):
+        approved(f"run/plot-{name}", drawn(figure), ROUNDING)
+
+
+def test_distances_of_rounding_alone_are_drawn_as_none(scripted):
+    steps, _, written = scripted
+    whole = RunCurves.of(pq.read_table(written.folder / "steps.parquet"), steps[0].scene.features)
+    table = whole.table
+    for name in ("servo_error_px", "tracking_error_px"):
+        at = table.schema.get_field_index(name)
+        table = table.set_column(at, name, [1e-14 * np.arange(len(table))])
+    axes = plots.error_figure(replace(whole, table=table), "title").axes
+    assert axes[1].get_ylim() == pytest.approx((0, 0.5))
 
 
 @pytest.mark.newest

@@ -3,6 +3,7 @@ other.
 """
 
 import shlex
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -19,27 +20,34 @@ from servo.scenario.load import Scenario, load
 from servo.scenario.part_names import changes_of
 from servo.study.run_report import RunReport
 
+TWO = 2
+"""Number of runs in a film."""
 
-def run(first: str, second: str, out: Path, quiet: bool) -> None:
+
+def run(runs: Sequence[str], out: Path, quiet: bool) -> None:
     """Run two scenarios and write one film (MP4) of both, beside each other.
 
     Args:
-        first: The folder of a run to repeat, or the arguments of `servobench run` as a text.
-        second: The second run, given in the same way.
+        runs: Two runs: for each the folder of a run to repeat, or the arguments of `servobench run`
+            as a text.
         out: The film's file.
         quiet: Whether to print nothing but mistakes.
 
     Raises:
-        Mistake: A run cannot be repeated, the frame rates of the two cameras differ, or the film
-            exists already or cannot be written.
+        Mistake: There are not two runs, a run cannot be repeated, the frame rates of the two
+            cameras differ, or the film exists already or cannot be written.
     """
+    if len(runs) != TWO:
+        raise Mistake(
+            f"film: give two runs, each in quotes if it has several words; {len(runs)} were given"
+        )
     Outputs(video=out).check()
     console = Console(quiet=quiet)
     with ExitStack() as stack:
-        left, right = (stack.enter_context(Episode(_scenario(given))) for given in (first, second))
+        left, right = (stack.enter_context(Episode(_scenario(given))) for given in runs)
         frames = max(left.frames, right.frames)
         with progress(console, out.name, frames) as written:
-            write_film_of_two((left, right), (first, second), out, written)
+            write_film_of_two((left, right), (runs[0], runs[1]), out, written)
     plain(console, str(out))
 
 

@@ -474,8 +474,7 @@ def view() -> None:
 
 
 @app.command()
-@click.argument("first", metavar="RUN")
-@click.argument("second", metavar="RUN")
+@click.argument("runs", nargs=-1, metavar="RUN RUN")
 @click.option(
     "--out", type=opt.PATH, default=Path("film.mp4"), show_default=True, help="File to write."
 )

@@ -213,7 +213,7 @@ def write_film_of_two(
     written: Callable[[str], None],
 ) -> None:
     """Run two episodes, and write one film (MP4) that shows both beside each other. When the
-    shorter run has ended, its last picture stays.
+    shorter run has ended, its last picture stays, and the film says "(ended)" beside its error.
 
     Args:
         episodes: Two episodes (runs that can be stepped) that have not begun.
@@ -246,7 +246,9 @@ def write_film_of_two(
             steps = tuple(new or last for new, last in zip_longest(pair, steps))
             pictures = [np.vstack(view.draw(step)) for view, step in zip(views, steps, strict=True)]
             errors = [float(step.corner_errors.mean()) for step in steps]
-            note = "error " + " and ".join(f"{error:.1f} px" for error in errors)
+            ended = ["" if new else " (ended)" for new in pair]
+            told = zip(errors, ended, strict=True)
+            note = "error " + " and ".join(f"{error:.1f} px{end}" for error, end in told)
             statuses = [step.estimate.status.name for step in steps]
             film.add(max(step.frame.time for step in steps), pictures, errors, statuses, note)
             written(note)

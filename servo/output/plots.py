@@ -8,7 +8,7 @@ from typing import Any
 
 from servo.output.run_curves import Panel, RunCurves
 from tracking.drawing.colours import CURVES
-from tracking.drawing.figures import Drawing, literal, panels, save
+from tracking.drawing.figures import Drawing, hide_rounding, literal, panels, save
 
 STYLES: dict[str, dict[str, Any]] = {
     "measured": {"color": "#b8bcc4", "lw": 0.9},
@@ -76,7 +76,11 @@ def _drawn(curves: RunCurves, title: str, shown: Sequence[Panel]) -> Drawing:
             style = STYLES.get(name, {"color": CURVES[i % len(CURVES)], "lw": 1.3})
             ax.plot(time, values, label=name, **style)
         ax.margins(x=0)
-        ax.set(ylabel=panel.axis, ylim=(panel.low, panel.high))
+        ax.set(ylabel=panel.axis)
+        if panel.low is not None:
+            ax.set_ylim(panel.low, panel.high)
+        if panel.high is None:
+            hide_rounding(ax)
         ax.legend(ncols=4, frameon=False, **ABOVE)
         across = ax.get_xaxis_transform()
         ax.fill_between(
@@ -89,6 +93,6 @@ def _drawn(curves: RunCurves, title: str, shown: Sequence[Panel]) -> Drawing:
             alpha=0.7,
             lw=0,
         )
-    axes[0].set_title(literal(title), loc="left")
+    whole.suptitle(literal(title), x=0.01, ha="left")
     axes[-1].set_xlabel("time [s]")
     return whole

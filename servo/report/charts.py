@@ -25,7 +25,7 @@ from servo.mistake import Mistake
 from servo.report.page import LIGHT, Figure, Key
 from servo.report.words import shown
 from sim.types import Array
-from tracking.drawing.figures import plain_logarithm
+from tracking.drawing.figures import ROUNDING, hide_rounding, plain_logarithm
 
 # Chosen by hand, looking at pages of the shipped studies on a phone and on a screen.
 ERROR_RANGE = 50.0
@@ -276,13 +276,15 @@ def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x"
     `scale.log_from`.
     """
     every = np.concatenate([np.zeros(0), *values])
-    above = every[np.isfinite(every) & (every > 0)]
+    above = every[np.isfinite(every) & (every > ROUNDING)]
     if scale.log_from is not None and len(above) and _range(above) > scale.log_from:
         limits = (max(above.min(), above.max() / DEEPEST) / MARGIN, above.max() * MARGIN)
         axes.set(**{f"{which}scale": "log", f"{which}lim": limits})
         plain_logarithm(axes.xaxis if which == "x" else axes.yaxis)
     elif scale.low is not None or scale.high is not None:
         axes.set(**{f"{which}lim": (scale.low, scale.high)})
+    if which == "y" and scale.high is None:
+        hide_rounding(axes)
 
 
 def _range(values: Array) -> float:

@@ -70,7 +70,8 @@ def _figure(title: str, runs: dict[str, tuple[Row, Series]], size: tuple[int, in
         figure = Drawing(figsize=(CELL * len(runs), 2.1 * CELL), layout="constrained")
         for i, (name, (row, series)) in enumerate(runs.items()):
             space: Any = figure.add_subplot(2, len(runs), i + 1, projection="3d")
-            _in_space(space, paths[name], max(*most[:2], 0.7 * most[2]), most[2])
+            own = 1.1 * np.abs(paths[name]).max(axis=0)
+            _in_space(space, paths[name], most if (own <= most).all() else own)
             space.set_title(f"{name}\n{row['outcome'].lower()}", fontsize=9)
             image = figure.add_subplot(2, len(runs), len(runs) + i + 1)
             _in_image(image, np.column_stack([series[k] for k in CORNERS]).reshape(-1, 4, 2), size)
@@ -78,23 +79,31 @@ def _figure(title: str, runs: dict[str, tuple[Row, Series]], size: tuple[int, in
         return Figure(title, svg(figure, title), drawing=figure)
 
 
-def _in_space(ax: Any, path: Array, aside: float, above: float) -> None:
+def _in_space(ax: Any, path: Array, box: Array) -> None:
     """Draw the camera's path (n, 3) [m] in the target's frame, from a ring to a dot.
 
-    The axes reach `aside` [m] from the target to each side, and `above` [m] upwards; the path's z,
-    which points into the target, is drawn upwards.
+    The axes reach at least `box` (3,) [m] from the target, the first two to each side, the third
+    upwards; the path's z, which points into the target, is drawn upwards.
     """
-    box = np.array([aside, aside, above])
-    x, y, z = np.clip(path, -box, box).T * [[1], [1], [-1]]
+    above = box[2]
+    aside = max(*box[:2], 0.7 * above)
+    x, y, z = path.T * [[1], [1], [-1]]
     ax.plot(x, y, z, color=PATH, lw=1.4)
     ax.scatter(x[:1], y[:1], z[:1], s=28, facecolors="none", edgecolors=PATH)
     ax.scatter(x[-1:], y[-1:], z[-1:], s=20, color=PATH)
     side = 0.1 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
     ax.plot(*side.T, np.zeros(5), color=INK, lw=1)
     ax.set(xlim=(-aside, aside), ylim=(-aside, aside), zlim=(0, above))
-    ax.set_box_aspect((2 * aside, 2 * aside, above), zoom=1.25)
+    ax.set_box_aspect((2 * aside, 2 * aside, above), zoom=1.15)
     ax.view_init(elev=22, azim=-60)
     ax.tick_params(labelsize=7, pad=-2)
+    for axis, label, pad in (
+        (ax.xaxis, "x [m]", -8),
+        (ax.yaxis, "y [m]", -8),
+        (ax.zaxis, "-z [m]", -10),
+    ):
+        axis.set_label_text(label, fontsize=7)
+        axis.labelpad = pad
     ax.locator_params(nbins=3)
 
 
@@ -111,5 +120,7 @@ def _in_image(ax: Axes, corners: Array, size: tuple[int, int]) -> None:
         ax.plot(*np.vstack([outline, outline[:1]]).T, color=GREY, lw=0.8, ls=style)
     ax.set(xlim=(0, size[0]), ylim=(size[1], 0), aspect="equal")
     ax.grid(alpha=0.2)
+    ax.set_xlabel("u [px]", fontsize=7)
+    ax.set_ylabel("v [px]", fontsize=7)
     ax.tick_params(labelsize=7)
     ax.locator_params(nbins=4)

@@ -40,8 +40,9 @@ PATHS = ("settle_s", "camera_path_m", "detour_m", "retreat_m", "out_of_view_pct"
 """Measures in the tables, of studies and of those that show paths; the files have all of them."""
 PATHS_TITLE = "Paths of the camera and of the corners"
 PATHS_TEXT = (
-    "Runs of the first seed. Above: the path of the camera around the target [m]. Below: the "
-    "paths of the corners in the picture [px]. A ring is a start, a dot is an end."
+    "Runs of the first seed. Above: the path of the camera around the target [m], of all runs in a "
+    "box of the same size, or in a larger one where a path leaves it. Below: the paths of the "
+    "corners in the picture [px]. A ring is a start, a dot is an end."
 )
 SURE = 0.05
 """Differences with a smaller p-value, after Holm, are called differences."""

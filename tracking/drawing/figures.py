@@ -13,6 +13,10 @@ from tracking.files import atomic
 
 DOTS = 130
 """Resolution of a figure [dots per inch]."""
+ROUNDING = 1e-9
+"""Largest difference of values that counts as rounding."""
+HALF = 0.5
+"""Room above and below equal values, in their unit."""
 SCREEN = 80
 """Resolution of a figure in a notebook [dots per inch]."""
 
@@ -47,6 +51,16 @@ def panels(
         ax.grid(alpha=0.25)
         ax.spines[["top", "right"]].set_visible(False)
     return figure, axes
+
+
+def hide_rounding(axes: Axes) -> None:
+    """Show values that differ by rounding alone as equal: let the vertical axis reach half a unit
+    above them, and below them unless it has a lower end already.
+    """
+    low, high = axes.dataLim.intervaly
+    if 0 <= high - low < ROUNDING:
+        bottom = low - HALF if axes.get_autoscaley_on() else axes.get_ylim()[0]
+        axes.set_ylim(bottom, high + HALF)
 
 
 def plain_logarithm(axis: Axis) -> None:
