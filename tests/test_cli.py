@@ -62,8 +62,8 @@ BAD = {
     ),
     "a start the robot cannot reach": (
         ["run", "still", "--set", "goal.depth=4"],
-        "still: start: the robot cannot bring the camera to its start pose: 1.69 m and "
-        "14 deg are left, and joint 'z' is at its limit; change [start] or [goal]",
+        "still: start: the robot cannot bring the camera to its start pose: 1.68 m and "
+        "0 deg are left, and joint 'z' is at its limit; change [start] or [goal]",
     ),
     "an .rrd that is none": (
         ["view", "fake.rrd"],

@@ -223,7 +223,7 @@ def test_a_study_does_not_go_on_with_other_weights(policy):
     begin()
     begin()
     policy.write_bytes(b"\1" + policy.read_bytes()[1:])
-    with pytest.raises(Mistake, match=r"holds another study \(its files differ\)"):
+    with pytest.raises(Mistake, match=r"holds another study \(its files differ: \S*policy.onnx\)"):
         begin()
 
 

@@ -177,7 +177,7 @@ def test_a_study_does_not_go_on_after_a_file_that_it_names_has_changed(folder):
     assert list(begin().files) == [str(folder / "wedge.obj")]
     begin()
     (folder / "wedge.obj").write_text(WEDGE.format(height=0.7))
-    with pytest.raises(Mistake, match=r"holds another study \(its files differ\)"):
+    with pytest.raises(Mistake, match=r"holds another study \(its files differ: \S*wedge.obj\)"):
         begin()
 
 
