@@ -16,7 +16,7 @@ from publish import FEW, FIRST_PAGE, PAGES, with_tables
 
 from servo.bench import audit
 from servo.bench import benchmark as benchmarks
-from servo.bench.benchmark import DRAFTS, NAMES, Band, World, condition_of, load
+from servo.bench.benchmark import NAMES, Band, World, condition_of, load
 from servo.bench.contestant import Contestant, Division, contestants, scale_of
 from servo.bench.row import (
     TAUS,
@@ -118,13 +118,6 @@ def test_sealed_seeds_stay_those_of_the_frozen_benchmark_the_digest_and_the_valu
         ("plain-01", 444122274789),
         ("camouflage-29", 872531158945),
     ]
-
-
-def test_every_world_of_a_draft_is_a_valid_scenario():
-    for name in DRAFTS:
-        draft = load(name)
-        for world in draft.every_world(Band("dev")):
-            draft.scenario_of(world, draft.null)
 
 
 def test_every_world_is_a_valid_scenario(public):
@@ -810,7 +803,7 @@ def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):
         ),
         (
             "clutter --band v1",
-            "'clutter' is not one of 'loop-v1', 'servo-v1', 'servo-v2', 'goal-v1', 'loop-v2'",
+            "'clutter' is not one of 'loop-v2', 'loop-v2-size', 'loop-v2-all', 'servo-v2', 'goal-v1', ",
         ),
         (
             "goal-v1 --law pose",
@@ -834,17 +827,6 @@ def test_missing_pictures_are_named_before_anything_runs(monkeypatch, capfd, tmp
     assert err.startswith("servobench: ground.file = 'skimage:")
     assert err.endswith(": scikit-image is not installed: install servobench[pictures]\n")
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("words", ["--band v1", "--sealed x", "--submit x.json"])
-def test_only_the_worlds_to_tune_on_of_a_draft_can_be_run(monkeypatch, capfd, words):
-    assert [name for name in (*NAMES, *DRAFTS) if load(name).is_draft] == [*DRAFTS]
-    code, _, err = call(monkeypatch, capfd, "benchmark", "loop-v2", *words.split())
-    assert (code, err) == (
-        2,
-        "servobench: loop-v2 is a draft, whose conditions may still change: only its worlds to tune "
-        "on can be run: leave --band v1, --sealed and --submit out\n",
-    )
 
 
 def test_rows_and_their_parts_are_made_of_all_worlds():
