@@ -264,8 +264,9 @@ class Benchmark:
         seeds of a set of worlds (`band`).
 
         The draws are balanced: of n worlds one lies in each n-th part of a range, and each level of
-        a factor occurs equally often, up to rounding (McKay, Beckman and Conover, A comparison of
-        three methods for selecting values of input variables, 1979: the Latin hypercube).
+        a factor occurs equally often, up to rounding; with fewer worlds than levels, some occur
+        twice (McKay, Beckman and Conover, A comparison of three methods for selecting values of
+        input variables, 1979: the Latin hypercube).
         """
         seeds = self._seeds(condition, band)
         count = len(seeds)
@@ -346,7 +347,7 @@ def parsed(
     if (other := table.pop("like", None)) is not None:
         base = (resources.files("scenes") / FOLDER / f"{other}.toml").read_text("utf-8")
         table = toml.merged(toml.decode(base, other), table)
-        text += base  # so that the hash covers it
+        table["files"].append(f"{FOLDER}/{other}.toml")  # so that the hash covers it
     common = flat(table["ranges"], name)
     conditions = [
         Condition(
