@@ -85,7 +85,7 @@ def test_worlds_are_balanced_within_each_condition(public):
         for factor, levels in condition.factors.items():
             counts = [sum(w.levels[factor] == level for w in worlds) for level in levels]
             few = public.worlds < len(levels)  # some occur twice, others never
-                assert max(counts) - min(counts) <= (2 if few else 1)
+            assert max(counts) - min(counts) <= (2 if few else 1)
 
 
 def test_a_severity_moves_each_setting_from_its_mild_value():
