@@ -106,12 +106,11 @@ def tau(first: np.ndarray, second: np.ndarray) -> str:
     return f"{value:.2f} ({low:.2f} to {high:.2f}), {len(first)} trackers"
 
 
-if __name__ == "__main__":
-    if not sys.argv[1:]:
-        sys.exit("\n".join(predicted()))
+def predicted_by_the_first(folder: Path) -> list[str]:
+    """Return lines about the order in `loop-v1`, and on the recordings of a folder."""
     rows = shipped_rows(load("loop-v1"))
     points = {s.name: s.points for s in standings(rows)}
-    real = aucs(Path(sys.argv[1]))
+    real = aucs(folder)
     both = [name for name in points if name in real and name != ANCHOR]
     means = {name: (list(points[name].values()), list(real[name].values())) for name in both}
     lines = [f"{name:14} {np.mean(a):6.1f} {np.mean(b):.3f}" for name, (a, b) in means.items()]
@@ -123,4 +122,9 @@ if __name__ == "__main__":
     ]
     late = kendalltau(plain, [row.slow[LATE] for row in held]).statistic
     lines.append(f"{LATE} ms: {late:.2f}, {len(held)} trackers")
-    sys.stdout.write("\n".join(lines) + "\n")
+    return lines
+
+
+if __name__ == "__main__":
+    found = predicted_by_the_first(Path(sys.argv[1])) if sys.argv[1:] else predicted()
+    sys.stdout.write("\n".join(found) + "\n")
