@@ -19,7 +19,7 @@ from servo.twin.offset import LEVEL, regressors
 from servo.twin.robot_motion import RobotMotion
 from servo.twin.tracks import Tracks
 from sim.geometry import exp_so3
-from sim.types import Array
+from sim.types import Array, Pose
 
 BLOCK = 1.0
 """Length of the blocks of the sandwich estimate [s]."""
@@ -97,6 +97,22 @@ class Mount:
         most, also for a plane behind the camera.
         """
         return 1 / max(float(self.plane[2]), 1 / FARTHEST)
+
+
+def camera_poses(motion: RobotMotion, mount: Mount, times: Array) -> list[Pose]:
+    """Return the poses of the camera in the frame of the robot's base, T_base_camera [m], at given
+    times.
+
+    Args:
+        motion: Motion of the robot's hand in the base's frame.
+        mount: Pose of the camera in the hand.
+        times: The times (n,) on the log's clock [s].
+    """
+    turns, places = motion.at(times)
+    return [
+        Pose(turn @ mount.rotation, place + turn @ mount.lever)
+        for turn, place in zip(turns, places, strict=True)
+    ]
 
 
 def turn_of(motion: RobotMotion, steps: Tracks, flows: Array, offset: float) -> Array:
