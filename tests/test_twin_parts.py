@@ -30,9 +30,9 @@ from servo.twin.corrections import (
 )
 from servo.twin.corrections import rates as wrong_rates
 from servo.twin.diagnosis import Diagnosis, Trial
-from servo.twin.mount import Mount
+from servo.twin.mount import Mount, camera_poses
 from servo.twin.offset import OFFSETS, Offset
-from servo.twin.replay import camera_poses, room_of, turned_by, write_replay
+from servo.twin.replay import room_of, turned_by, write_replay
 from servo.twin.robot_motion import RobotMotion, of_twists
 from servo.twin.scene_camera import SceneCamera
 from servo.twin.tracks import Tracks, corners, follow
@@ -421,7 +421,7 @@ HALVES = mount().halves
         ({"at": mount(plane=np.zeros(3))}, "mount: rotation", "no plane fits the scene (scatter 0.2, at most 3)"),
         ({"at": mount(halves=HALVES * [1, 1, 3.6, 1, 1, 1, 1, 1, 1, 1, 1, 1])}, "mount: rotation", "it is uncertain by 2.1 deg (at most 2)"),
         ({"at": mount(halves=HALVES * [1, 1, 1, 1, 1, 1, 16, 1, 1, 1, 1, 1])}, "mount: lever", "it is uncertain by 32 mm (at most 30)"),
-        ({"focal": False}, "mount: lever", "a lever along the optical axis looks as a wrong focal length does: give --calibration, --fov or --along"),
+        ({"focal": False}, "mount: lever", "a lever along the optical axis looks as a wrong focal length does: give --calibration, --fov, --along or --tag-mm"),
         ({"diagnosis": diagnosed(SIGN)}, "mistake", "the sign is wrong"),
         ({"diagnosis": diagnosed(SIGN, others=[Trial((SIGN,), 0.1, mount(rotation=np.diag([1.0, -1, -1])), 1.0)])}, "mistake", "cannot tell (the sign is wrong) from (the sign is wrong)"),
         ({"diagnosis": diagnosed(SIGN, others=[Trial((SIGN,), 0.1, mount(rotation=np.diag([1.0, -1, -1])), 1.0)])}, "mount: rotation", "it differs between the mistakes that explain the recording"),

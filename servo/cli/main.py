@@ -603,6 +603,19 @@ def preflight() -> None:
     type=opt.SCENARIO,
     help="The scenario to begin with (default: --scenario, or line).",
 )
+@click.option(
+    "--tracker",
+    multiple=True,
+    metavar="NAME[=WHAT]",
+    help="Another tracker to run on the recorded pictures: would it have held? kind, kind:preset, "
+    "mine=module:Class, mine='program:COMMAND' ...; may be repeated. Needs --region, and "
+    "estimated_x_px, estimated_y_px in LOG or --on with the recorded run's tracker.",
+)
+@click.option(
+    "--region",
+    metavar="X,Y,W,H[,DEG]",
+    help="With --tracker: the target in the film's first picture [px, deg].",
+)
 @opt.twin_options
 @opt.out_option("runs/twin-LOG")
 def twin() -> None:

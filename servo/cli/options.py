@@ -222,6 +222,12 @@ TWIN = (
         help="Where the camera should be in the hand, to be checked [m, deg].",
     ),
     click.option(
+        "--tag-mm",
+        type=FiniteRange(1.0, 10_000.0),
+        help="Side of the black square of an AprilTag 36h11 that stands still in the film: shows "
+        "focal length and mount together [mm].",
+    ),
+    click.option(
         "--exposure-ms",
         type=FiniteRange(0.0, 1000.0),
         help="Exposure of each row, if it is known, and the stamps are of its end [ms].",

@@ -3,6 +3,7 @@ what is wrong and what to change, before the robot moves by its camera.
 """
 
 import csv
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -27,6 +28,7 @@ from servo.twin.compare import Comparison, Trust, compare, rough_begin
 from servo.twin.corrections import Kind, Smooth, corrections
 from servo.twin.mount import Mount
 from servo.twin.readings import SHORTEST, clock_of, film, hand_log, is_camera, log_table
+from servo.twin.still_tag import FEWEST, StillTag, TagSightings
 from servo.twin.tracks import Tracks, follow
 from servo.twin.verdict import believed_mount
 from servo.twin.wiggle import rates
@@ -34,6 +36,7 @@ from servo.types import DOF
 from sim.types import Camera
 from tracking.files import atomic
 from tracking.sequences.bag_file import is_bag
+from tracking.sequences.sources import Picture
 
 PAGE = "report.html"
 ASSUMED = 60.0
@@ -74,9 +77,11 @@ class Given:
     begins: float | None = None
     motion: str | None = None
     commands: str | None = None
+    """Topics of a bag with the hand's motion and the commanded twists."""
     eye_to_hand: bool = False
     """True if the camera stands still and films what the hand carries."""
-    """Topics of a bag with the hand's motion and the commanded twists."""
+    tag_mm: float | None = None
+    """Side of the black square of an AprilTag 36h11 that stands still in the film [mm]."""
 
     @property
     def late(self) -> float:
@@ -168,6 +173,7 @@ def made(given: Given, command: str = "preflight", **more: object) -> Made:
             "motion",
             "commands",
             "eye_to_hand",
+            "tag_mm",
         )
     }
     if given.rate == RATE:
@@ -203,16 +209,37 @@ def comparison(given: Given, table: pa.Table) -> tuple[Comparison, Camera, float
                 f"{given.log}: --eye-to-hand needs poses of the hand or joints: twists do not show "
                 "where the base is, in which the camera stands"
             )
-    tracks, camera = followed(given, smooth, console)
+        if given.tag_mm is not None:
+            raise Mistake("--tag-mm is for a tag that stands still: not with --eye-to-hand")
+    sightings = TagSightings()
+    tracks, camera = followed(given, smooth, console, sightings)
     trust = Trust(
         given.calibration is not None or given.fov is not None,
         given.along,
         stated_mount(given, table),
         given.late,
+        _tag(given, sightings, camera),
     )
     with progress(console, "comparing", 1 + len(corrections(smooth))) as tick:
         compared = compare(smooth, tracks, trust, tick)
     return compared, camera, float(tracks.times[0])
+
+
+def _tag(given: Given, seen: TagSightings, camera: Camera) -> StillTag | None:
+    """Return the tag of a film; None if the user states none.
+
+    Raises:
+        Mistake: It is hardly seen.
+    """
+    if given.tag_mm is None:
+        return None
+    if len(seen.numbers) < FEWEST:
+        raise Mistake(
+            f"{given.video}: an AprilTag 36h11 is seen in {len(seen.numbers)} pictures of this "
+            f"film (each third one is searched), and {FEWEST} are needed: leave out --tag-mm, or "
+            "record with the tag in view"
+        )
+    return StillTag.of(seen, camera, given.tag_mm / 1e3)
 
 
 def stated_mount(given: Given, table: pa.Table) -> Mount | None:
@@ -232,7 +259,9 @@ def stated_mount(given: Given, table: pa.Table) -> Mount | None:
     return believed_mount((0.0,) * 6) if is_stated else None
 
 
-def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Camera]:
+def followed(
+    given: Given, smooth: Smooth, console: Console, sightings: TagSightings
+) -> tuple[Tracks, Camera]:
     """Return the image points that were followed through a film, and the film's camera. The points'
     times are on the log's clock, but for an offset that is not yet known.
 
@@ -240,6 +269,7 @@ def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Ca
         given: The options about log, film and camera.
         smooth: The smoothed log, used to place a film without stamps of the log's clock.
         console: The output of the command, for progress and remarks.
+        sightings: Gets the pictures in which a tag is seen, if the user states one.
 
     Raises:
         Mistake: The film cannot be used.
@@ -248,8 +278,11 @@ def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Ca
     first = next(pictures, None)
     if first is None:
         raise Mistake(f"{given.video}: this film has no pictures")
+    whole: Iterable[Picture] = chain([first], pictures)
+    if given.tag_mm is not None:
+        whole = sightings.watching(whole)
     with progress(console, "following points", source.count or PICTURES) as tick, as_mistake():
-        tracks = follow(chain([first], pictures), lambda w, h: camera_for(given, w, h), tick)
+        tracks = follow(whole, lambda w, h: camera_for(given, w, h), tick)
     if source.end is not None:
         complain(source.end.sentence)
     span = float(tracks.times[-1] - tracks.times[0])

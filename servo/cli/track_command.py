@@ -120,7 +120,7 @@ def run(
             f"the truth has only one line for {stream.count} pictures, so no measures are computed"
         )
         true = None
-    shots = itertools.islice(follow(_built(config, seed), pictures, target, start), frames)
+    shots = itertools.islice(follow(built(config, seed), pictures, target, start), frames)
     stem = Path(source.replace(":", "-")).stem.encode(errors="replace").decode()
     name = f"{stem}-{kind.replace(':', '-')}-{seed}"
     viewer = outputs.viewer()  # before the first picture of a stream, which goes on
@@ -166,7 +166,7 @@ def run(
     return code or (0 if is_whole else REFUSED)
 
 
-def _built(config: PartConfig[Tracker], seed: int) -> Tracker:
+def built(config: PartConfig[Tracker], seed: int) -> Tracker:
     """Build a tracker from its settings; an exception in it is raised again as an error that names
     the tracker.
     """

@@ -3,7 +3,7 @@ the robot follows its commands, and write the scenario that simulates both.
 """
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -16,20 +16,27 @@ from scipy.spatial.transform import Rotation
 from servo.cli.identify_command import estimated
 from servo.cli.jobs import progress
 from servo.cli.preflight_command import PAGE, Given, comparison, made, show, stated_mount
-from servo.cli.terminal import complain, plain, waiting
+from servo.cli.terminal import complain, plain, print_table, waiting
+from servo.cli.track_command import built, region_of, tracker_of
 from servo.loop.episode import Episode
-from servo.mistake import Mistake, writing
+from servo.mistake import Mistake, as_mistake, writing
 from servo.output.run_folder import prepare
 from servo.report.page import Block, PageImage, render
 from servo.scenario.load import load
+from servo.scenario.part_names import named_part
 from servo.twin import section as sections
 from servo.twin.compare import Comparison
+from servo.twin.other_trackers import CENTRE, Answers, Tracked, recorded
 from servo.twin.readings import command_log, film
 from servo.twin.replay import FILM, RECORDING, turned_by, write_replay
 from servo.twin.verdict import MM, angles_text, place_text
+from sim.channels import Channel, needs_of
+from sim.kinds import PartConfig
 from sim.types import Camera, Image
 from tracking.drawing.picture_bytes import encoded
+from tracking.evaluation.track import Shot, follow
 from tracking.files import atomic
+from tracking.types import Tracker
 
 SCENARIO = "twin.toml"
 DEFAULT = "line"
@@ -42,7 +49,15 @@ HEADING = (
 )
 
 
-def run(log: Path, video: str | None, base: str | None, out: Path | None, **options: object) -> int:
+def run(
+    log: Path,
+    video: str | None,
+    base: str | None,
+    tracker: Sequence[str],
+    region: str | None,
+    out: Path | None,
+    **options: object,
+) -> int:
     """Compare a robot's log with the film of its camera (or a bag that holds both, if `video` is
     None), and write the scenario that simulates the robot, a film and a Rerun recording of the
     recording beside its simulation, and a page. Film and recording are left out if the pose of the
@@ -52,6 +67,8 @@ def run(log: Path, video: str | None, base: str | None, out: Path | None, **opti
         log: The robot's log.
         video: The film of its camera; None: it is in the log, which is a bag.
         base: The scenario to begin with; None: that of the log's joints, or "line".
+        tracker: Trackers to run on the recorded pictures, as NAME or NAME=WHAT.
+        region: The target in the film's first picture, for them: "X,Y,W,H[,DEG]" [px, deg].
         out: The folder to write; None: the next free runs/twin-LOG.
         **options: The other fields of `Given`, by name.
 
@@ -71,6 +88,7 @@ def run(log: Path, video: str | None, base: str | None, out: Path | None, **opti
             "together: give both or neither"
         )
     table = given.table()
+    _check_trackers(table, base, tracker, region)
     compared, camera, begins = comparison(given, table)
     show(compared)
     changes, notes = _changes(given, table, compared, camera, scenario)
@@ -80,6 +98,8 @@ def run(log: Path, video: str | None, base: str | None, out: Path | None, **opti
         written = atomic.write(folder, SCENARIO, text)
     plain(console, f"{written}: servobench run {written}")
     blocks = [Block("The scenario", code=[text])]
+    if region is not None:
+        blocks.append(_others(given, table, compared, begins, base, tracker, region, console))
     if stands:
         plain(console, "no replay: the film does not show where the target is in the hand")
     elif compared.verdict.mount is not None:
@@ -90,8 +110,9 @@ def run(log: Path, video: str | None, base: str | None, out: Path | None, **opti
         blocks += _replay(given, compared, camera, begins, written, folder, console)
     else:
         plain(console, "no replay: the mount is refused")
+    again = made(given, "twin", on=base, tracker=tracker, region=region)
     with writing(folder):
-        section = sections.section(compared, folder, made(given, "twin", on=base), blocks)
+        section = sections.section(compared, folder, again, blocks)
         page = atomic.write(folder, PAGE, render([section]))
     plain(console, str(page))
     return 0 if compared.verdict.is_good else 1
@@ -266,6 +287,80 @@ def _replay(
             pictures=stills,
         )
     ]
+
+
+def _check_trackers(
+    table: pa.Table, base: str | None, tracker: Sequence[str], region: str | None
+) -> None:
+    """Check that what is needed to judge other trackers is given.
+
+    Raises:
+        Mistake: Something is missing or wrong.
+    """
+    if not tracker and region is None:
+        return
+    if not tracker or region is None:
+        raise Mistake(
+            "--tracker and --region X,Y,W,H[,DEG], the target in the film's first picture, belong "
+            "together: give both or neither"
+        )
+    region_of(region)
+    for text in tracker:
+        tracker_of(named_part("tracker", text)[1], ())
+    if _own_tracker(base) is None and not set(CENTRE) <= set(table.column_names):
+        raise Mistake(
+            "--tracker needs what the recorded run estimated: the log's columns "
+            f"{' and '.join(CENTRE)}, or --on with the scenario whose tracker it had (not truth)"
+        )
+
+
+def _own_tracker(base: str | None) -> PartConfig[Tracker] | None:
+    """Return the settings of a scenario's tracker; None if there is no scenario, or if its tracker
+    needs the truth, which a recording does not have.
+    """
+    config = None if base is None else load(base).tracker
+    return None if config is None or Channel.TRUTH in needs_of(config) else config
+
+
+def _others(
+    given: Given,
+    table: pa.Table,
+    compared: Comparison,
+    begins: float,
+    base: str | None,
+    tracker: Sequence[str],
+    region: str,
+    console: Console,
+) -> Block:
+    """Run trackers on the pictures of a recording, print whether each would have held, and return
+    the page's block about them.
+
+    Raises:
+        Mistake: A tracker refuses the region, or fails.
+    """
+    target, start = region_of(region)
+
+    def tracked(name: str, config: PartConfig[Tracker]) -> Tracked:
+        source, pictures = film(given.video, given.rate, given.topic, given.stamps)
+        count = source.count or len(compared.tracks.times)
+        shots: list[Shot] = []
+        with progress(console, name, count) as tick, as_mistake():
+            for shot in follow(built(config, 0), pictures, target, start):
+                shots.append(shot.without_picture())
+                tick(f"{name} {shot.estimate.status.name}")
+        return Tracked.of(name, shots, target)
+
+    configs = [named_part("tracker", text) for text in tracker]
+    found = [tracked(name, tracker_of(what, ())[1]) for name, what in configs]
+    config = _own_tracker(base)
+    own = None if config is None else tracked(f"that of {base}", config)
+    states = recorded(table, given.log, begins + found[0].times)
+    answers = Answers(target, (own or found[0]).states if states is None else states, own, found)
+    print_table(console, answers.table)
+    plain(console, answers.sentence)
+    drawing = PageImage.of("", answers.drawing().png(), "trackers", sheet=False)
+    title = "Would another tracker have held?"
+    return Block(title, [answers.sentence], tables=[answers.table], pictures=[drawing])
 
 
 def _stills(path: Path, count: int) -> Iterator[Image]:

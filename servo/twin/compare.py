@@ -14,6 +14,7 @@ from servo.twin.diagnosis import Diagnosis, corrected, diagnose
 from servo.twin.mount import Mount
 from servo.twin.offset import Offset
 from servo.twin.robot_motion import RobotMotion
+from servo.twin.still_tag import StillTag
 from servo.twin.tracks import Tracks
 from servo.twin.verdict import SHALLOW, SLIDES, TURNS, Verdict, judge, preferred, second_axes
 from sim.types import Array
@@ -41,6 +42,8 @@ class Trust:
     along: float | None = None
     believed: Mount | None = None
     late: float = 0.0
+    tag: StillTag | None = None
+    """A tag that stands still in the film."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +98,14 @@ def compare(
     fixed = mounts.FOCAL if along is None else mounts.LEVER_ALONG
     mount = mounts.fitted(moved, film, first, (fixed, *mounts.TURN))
     turned = mounts.fitted(moved, film, mount, (fixed,), LAST)
+    tag = None
+    shows_focal = trust.along is not None and not trust.focal
+    # A mirrored film shows no tag; a mount that is far off gives no begin.
+    if trust.tag is not None and diagnosis.is_good:
+        tag = trust.tag.fitted(moved, film, mount)
+        if tag.is_still:
+            mount = tag.mount
+            shows_focal = True
     verdict = judge(
         offset,
         diagnosis,
@@ -104,8 +115,9 @@ def compare(
         axes,
         trust.believed,
         trusts_focal=trust.focal,
-        trusts_along=trust.along is not None and not trust.focal,
+        trusts_along=shows_focal,
         late=trust.late,
+        tag=tag,
     )
     return Comparison(film, moved, flows, offset, diagnosis, mount, verdict)
 

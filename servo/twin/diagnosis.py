@@ -2,9 +2,9 @@
 correction of a list, then with pairs of them, and the lowest robust cost wins if it is clear.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 
 import numpy as np
 
@@ -33,11 +33,11 @@ too."""
 TRIED = 120, 4
 """Pairs of pictures of a trial, and each so many-th point of them is used."""
 GLANCED = 60, 8
-"""The same for a first glance at two corrections at once."""
+"""The same for a first glance."""
 EVERY = 4
 """Each so many-th pair of consecutive pictures gives a trial its offset and its start."""
 KEPT = 12
-"""Best pairs of corrections after the first glance, which are tried as single ones are."""
+"""Best corrections, and pairs of them, after the first glance: these are tried."""
 TRIAL = 3.0, 3.0, 1.0, 1.0, 0.5, 0.3
 GLANCE = 3.0, 1.0, 0.5
 """Cauchy scale of each step of a trial, and of a first glance [px]."""
@@ -195,8 +195,16 @@ def diagnose(
     as_it_is = tried()
     if not search or as_it_is.cost < CLEAR * floor:
         return Diagnosis(as_it_is, [], as_it_is, floor)
+    coarse = _part(tracks, *GLANCED)
+
+    def best_of(choices: Iterable[tuple[Correction, ...]]) -> list[Trial]:
+        """Return the trials of the corrections that look best at a glance, the best one first."""
+        glances = [(tried(*each, of=coarse, scales=GLANCE).cost, each) for each in choices]
+        glances.sort(key=itemgetter(0))
+        return sorted((tried(*each) for _, each in glances[:KEPT]), key=attrgetter("cost"))
+
     candidates = corrections(smooth)
-    singles = sorted((tried(each) for each in candidates), key=lambda trial: trial.cost)
+    singles = best_of((each,) for each in candidates)
     trials = [as_it_is, *singles]
     two_frames = list(mixed(smooth))
     if not any(is_good(trial, floor) for trial in trials):
@@ -210,10 +218,7 @@ def diagnose(
             if (one in best or (one.is_usual and (other.is_usual or other in two_frames)))
             and one.mistake.split()[:4] != other.mistake.split()[:4]
         }
-        coarse = _part(tracks, *GLANCED)
-        glances = [(tried(*pair, of=coarse, scales=GLANCE).cost, pair) for pair in pairs.values()]
-        glances.sort(key=itemgetter(0))
-        trials += [tried(*pair) for _, pair in glances[:KEPT]]
+        trials += best_of(pairs.values())
     least = min(trial.cost for trial in trials)
     near = [trial for trial in trials if trial.cost <= CLEAR * least]
     fewest = min(len(trial.corrections) for trial in near)

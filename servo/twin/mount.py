@@ -19,7 +19,7 @@ from servo.twin.offset import LEVEL, regressors
 from servo.twin.robot_motion import RobotMotion
 from servo.twin.tracks import Tracks
 from sim.geometry import exp_so3
-from sim.types import Array
+from sim.types import Array, Pose
 
 BLOCK = 1.0
 """Length of the blocks of the sandwich estimate [s]."""
@@ -44,6 +44,8 @@ DRIFT = 8
 TURN = 9, 10, 11
 """Places of the lever along the optical axis, of the focal length, of the drift and of the turn
 among the parameters."""
+TIMED = 0, DRIFT
+"""Places of the parameters on which the times of the pictures depend."""
 COUNT = 12
 """Number of parameters."""
 FARTHEST = 1e4
@@ -95,6 +97,22 @@ class Mount:
         most, also for a plane behind the camera.
         """
         return 1 / max(float(self.plane[2]), 1 / FARTHEST)
+
+
+def camera_poses(motion: RobotMotion, mount: Mount, times: Array) -> list[Pose]:
+    """Return the poses of the camera in the frame of the robot's base, T_base_camera [m], at given
+    times.
+
+    Args:
+        motion: Motion of the robot's hand in the base's frame.
+        mount: Pose of the camera in the hand.
+        times: The times (n,) on the log's clock [s].
+    """
+    turns, places = motion.at(times)
+    return [
+        Pose(turn @ mount.rotation, place + turn @ mount.lever)
+        for turn, place in zip(turns, places, strict=True)
+    ]
 
 
 def turn_of(motion: RobotMotion, steps: Tracks, flows: Array, offset: float) -> Array:
@@ -214,14 +232,33 @@ def _moved(mount: Mount, step: Array, free: NDArray[np.int64]) -> Mount:
     )
 
 
-def _rays(motion: RobotMotion, tracks: Tracks, mount: Mount) -> tuple[Array, Array, Array, Array]:
+@dataclass(frozen=True, slots=True)
+class _Moves:
+    """How the hand moved between the p pairs of pictures: rotations (p, 3, 3), the rotations (p, 3,
+    3) of the base in the hand's frame at the first picture, and slides (p, 3) in the base's [m].
+    """
+
+    turned: Array
+    back: Array
+    slid: Array
+
+    @staticmethod
+    def of(motion: RobotMotion, tracks: Tracks, mount: Mount) -> "_Moves":
+        """Return the motion of the hand at the offset and drift of a mount."""
+        middle = (tracks.times[0] + tracks.times[-1]) / 2
+        times = tracks.times + mount.offset + mount.drift * (tracks.times - middle)
+        turns, places = motion.at(times[tracks.first])
+        turns_later, places_later = motion.at(times[tracks.second])
+        back = turns.transpose(0, 2, 1)
+        return _Moves(back @ turns_later, back, places_later - places)
+
+
+def _rays(moves: _Moves, tracks: Tracks, mount: Mount) -> tuple[Array, Array, Array, Array]:
     """Return the constant part (p, m, 2) of the residuals [px], their factors (p, m, 2) [px m] and
     (p, m, 3) of n, whose product is subtracted, and the weights (p, m): 0 for a missing point.
     """
-    middle = (tracks.times[0] + tracks.times[-1]) / 2
-    times = tracks.times + mount.offset + mount.drift * (tracks.times - middle)
-    motion = replace(motion, positions=motion.positions @ mount.turn)
-    turned, moved = motion.between(times[tracks.first], times[tracks.second])
+    turned = moves.turned
+    moved = np.einsum("pij,pj->pi", moves.back, moves.slid @ mount.turn)
     R = mount.rotation
     r = mount.lever
     turn = R.T @ turned @ R
@@ -254,12 +291,12 @@ def _planes(
 
 
 def _residuals(
-    motion: RobotMotion, tracks: Tracks, mount: Mount, scale: float
+    moves: _Moves, tracks: Tracks, mount: Mount, scale: float
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Return the residuals (p, 2m) [px], Cauchy weights (p, m), planes (p, 3), derivatives by the
     planes, inverses, and the ridge (3, 3) of the planes.
     """
-    constant, factor, before, known = _rays(motion, tracks, mount)
+    constant, factor, before, known = _rays(moves, tracks, mount)
     ridge = np.eye(3) / (FREE_PLANE * max(abs(mount.plane[2]), 1e-4)) ** 2 * scale**2
     # The weights follow the common plane first, then each pair's own.
     left = constant - factor * (before @ mount.plane)[..., None]
@@ -280,16 +317,19 @@ def _system(
     """Return the normal matrix (k + 3, k + 3) of the k free parameters and the plane, the negative
     gradient of each pair (p, k + 3), and the planes (p, 3).
     """
-    left, weights, own, by_plane, inverse, ridge = _residuals(motion, tracks, mount, scale)
+    moves = _Moves.of(motion, tracks, mount)
+    left, weights, own, by_plane, inverse, ridge = _residuals(moves, tracks, mount, scale)
     heavy = np.repeat(weights, 2, axis=1)[..., None]
     columns = []
     for place in free:
         step = np.zeros(len(free) + 3)
         step[np.flatnonzero(free == place)] = SMALL[place]
-        constant, factor, before, _ = _rays(motion, tracks, _moved(mount, step, free))
+        other = _moved(mount, step, free)
+        later = _Moves.of(motion, tracks, other) if place in TIMED else moves
+        constant, factor, before, _ = _rays(later, tracks, other)
         seen = np.einsum("pmi,pi->pm", before, own)
-        other = constant - factor * seen[..., None]
-        columns.append((other.reshape(left.shape) - left) / SMALL[place])
+        there = constant - factor * seen[..., None]
+        columns.append((there.reshape(left.shape) - left) / SMALL[place])
     J = np.stack(columns, axis=2)
     k = len(free)
     cross = J.transpose(0, 2, 1) @ (heavy * by_plane)
@@ -312,7 +352,7 @@ def _with_intervals(
 ) -> Mount:
     """Return a mount with its intervals and measures of fit."""
     normal, scores, own = _system(motion, tracks, mount, free, LAST)
-    left, weights, *_ = _residuals(motion, tracks, mount, LAST)
+    left, weights, *_ = _residuals(_Moves.of(motion, tracks, mount), tracks, mount, LAST)
     blocks = (tracks.times[tracks.first] // BLOCK).astype(int)
     blocks -= blocks.min()
     sums = np.stack([np.bincount(blocks, column) for column in scores.T], axis=1)

@@ -15,8 +15,7 @@ from servo.output.recording.layout import REPLAY
 from servo.output.recording.replay_log import ReplayLog
 from servo.twin.compare import Comparison
 from servo.twin.diagnosis import effect
-from servo.twin.mount import Mount
-from servo.twin.robot_motion import RobotMotion
+from servo.twin.mount import Mount, camera_poses
 from servo.twin.scene_camera import SceneCamera
 from sim.geometry import log_so3
 from sim.types import Array, Camera, Image, Pose
@@ -37,22 +36,6 @@ NEAR = 0.03
 NO_STATUS = ""
 STEP = 0.5
 """Interval of the postures that place the scene [s]."""
-
-
-def camera_poses(motion: RobotMotion, mount: Mount, times: Array) -> list[Pose]:
-    """Return the poses of the camera in the frame of the robot's base, T_base_camera [m], at given
-    times.
-
-    Args:
-        motion: Motion of the robot's hand in the base's frame.
-        mount: Pose of the camera in the hand.
-        times: The times (n,) on the log's clock [s].
-    """
-    turns, places = motion.at(times)
-    return [
-        Pose(turn @ mount.rotation, place + turn @ mount.lever)
-        for turn, place in zip(turns, places, strict=True)
-    ]
 
 
 def room_of(poses: list[Pose], plane: Array) -> Pose:

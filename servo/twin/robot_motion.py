@@ -33,12 +33,18 @@ class RobotMotion:
         in the base's frame at some times (k,) [s], interpolated; outside of the log those at its
         ends.
         """
+        turns, places = self._poses(times)
+        return turns.as_matrix(), places
+
+    def _poses(self, times: Array) -> tuple[Rotation, Array]:
+        """Return the orientations and the positions (k, 3) [m] at some times (k,) [s]."""
         place = np.clip((times - self.times[0]) / GRID, 0, len(self.times) - 1.001)
         low = place.astype(int)
         share = (place - low)[:, None]
-        both = np.hstack([self.positions, self.turns])
-        found = both[low] + share * (both[low + 1] - both[low])
-        return Rotation.from_quat(found[:, 3:]).as_matrix(), found[:, :3]
+        turns, places = (
+            each[low] + share * (each[low + 1] - each[low]) for each in (self.turns, self.positions)
+        )
+        return Rotation.from_quat(turns), places
 
     def between(self, begin: Array, end: Array) -> tuple[Array, Array]:
         """Return how the hand moved between two times: rotations (k, 3, 3) and translations (k, 3)
@@ -67,10 +73,11 @@ class RobotMotion:
             begin: The earlier times (k,) [s].
             end: The later times (k,) [s].
         """
-        turned, moved = self.between(begin, end)
-        angles = Rotation.from_matrix(turned).as_rotvec()
+        turns, places = self._poses(begin)
+        turns_later, places_later = self._poses(end)
+        angles = (turns.inv() * turns_later).as_rotvec()
         # The frame of the middle is half of the turn away.
-        middle = Rotation.from_rotvec(-angles / 2).apply(moved)
+        middle = (turns * Rotation.from_rotvec(angles / 2)).inv().apply(places_later - places)
         return np.hstack([middle, angles]) / (end - begin)[:, None]
 
 
@@ -136,17 +143,31 @@ def of_twists(times: Array, twists: Array) -> RobotMotion:
     """
     steps = GRID * (twists + np.roll(twists, 1, axis=0)) / 2
     steps[0] = 0
-    turns = _products(Rotation.from_rotvec(steps[:, 3:]))
+    turns = _products(Rotation.from_rotvec(steps[:, 3:]).as_quat())
     # Half of a step's turn is behind its middle.
     halves = Rotation.from_rotvec(-steps[:, 3:] / 2)
-    positions = np.cumsum((turns * halves).apply(steps[:, :3]), axis=0)
-    return RobotMotion(times, positions, continuous(turns.as_quat()))
+    middles = Rotation.from_quat(turns) * halves
+    positions = np.cumsum(middles.apply(steps[:, :3]), axis=0)
+    return RobotMotion(times, positions, continuous(turns))
 
 
-def _products(turns: Rotation) -> Rotation:
-    """Return the product of the first k rotations for each k (n,), by doubling."""
-    reach = 1
-    while reach < len(turns):
-        turns = Rotation.concatenate([turns[:reach], turns[:-reach] * turns[reach:]])
-        reach *= 2
-    return turns
+def _products(turns: Array) -> Array:
+    """Return the product of the first k quaternions (n, 4) for each k: in blocks, which are then
+    joined.
+    """
+    side = int(np.ceil(np.sqrt(len(turns))))
+    blocks = np.tile([0.0, 0.0, 0.0, 1.0], (side, side, 1))
+    blocks.reshape(-1, 4)[: len(turns)] = turns
+    for k in range(1, side):
+        blocks[:, k] = _product(blocks[:, k - 1], blocks[:, k])
+    for k in range(1, side):
+        blocks[k] = _product(blocks[k - 1, -1], blocks[k])
+    return blocks.reshape(-1, 4)[: len(turns)]
+
+
+def _product(one: Array, other: Array) -> Array:
+    """Return the products of quaternions x, y, z, w (k, 4)."""
+    u, v = one[..., :3], other[..., :3]
+    s, t = one[..., 3:], other[..., 3:]
+    vector = s * v + t * u + np.cross(u, v)
+    return np.concatenate([vector, s * t - (u * v).sum(axis=-1, keepdims=True)], axis=-1)

@@ -13,6 +13,7 @@ from servo.twin.diagnosis import Diagnosis
 from servo.twin.mount import Mount
 from servo.twin.offset import Offset
 from servo.twin.robot_motion import RobotMotion
+from servo.twin.still_tag import TagFit
 from servo.twin.tracks import Tracks
 from sim.geometry import angle_of
 from sim.types import Array
@@ -125,6 +126,7 @@ def judge(
     trusts_focal: bool,
     trusts_along: bool,
     late: float = 0.0,
+    tag: TagFit | None = None,
 ) -> Verdict:
     """Return the verdict of a pre-flight: what is right, wrong, or too uncertain to be stated.
 
@@ -141,6 +143,7 @@ def judge(
         trusts_along: Whether the distance from the hand's origin to the camera along the optical
             axis is known.
         late: How long before its stamp the middle of a picture was exposed [s]; 0: unknown.
+        tag: What a tag in the film shows, if there is one: the mount is then of it.
     """
     findings: list[Finding] = []
     doubts = list(_of_film(tracks))
@@ -174,15 +177,21 @@ def judge(
     else:
         findings.append(_lever(mount, believed))
     if not why:
-        findings += _of_scale(mount, trusts_along=trusts_along, known=trusts_focal or trusts_along)
+        known = trusts_focal or trusts_along
+        findings += _of_scale(mount, tag, trusts_along=trusts_along, known=known)
         if mount.stray > MANY_STRAY:
             doubts.append(
                 f"{100 * mount.stray:.0f} % of the points do not move with the scene: much of it "
                 "moves by itself, or is very near"
             )
-    known = None if why_no_offset else offset
     return Verdict(
-        findings, doubts, known, None if why else mount, not why, not why_no_lever, mistakes
+        findings,
+        doubts,
+        None if why_no_offset else offset,
+        None if why else mount,
+        not why,
+        not why_no_lever,
+        mistakes,
     )
 
 
@@ -277,7 +286,7 @@ def _no_lever(mount: Mount, axes: tuple[float, float], known: bool) -> str:
         (
             not known,
             "a lever along the optical axis looks as a wrong focal length does: give "
-            "--calibration, --fov or --along",
+            "--calibration, --fov, --along or --tag-mm",
         ),
     )
     return next((sentence for applies, sentence in cases if applies), "")
@@ -386,9 +395,11 @@ def _of_clock(offset: Offset, mount: Mount, late: float, *, use_fit: bool) -> li
     return rows
 
 
-def _of_scale(mount: Mount, *, trusts_along: bool, known: bool) -> list[Finding]:
-    """Return the rows about the focal length and the distance of the scene."""
-    rows: list[Finding] = []
+def _of_scale(
+    mount: Mount, tag: TagFit | None, *, trusts_along: bool, known: bool
+) -> list[Finding]:
+    """Return the rows about a tag, the focal length and the distance of the scene."""
+    rows = [] if tag is None else [_of_tag(tag)]
     if trusts_along:
         half = mount.halves[mounts.FOCAL]
         off = abs(mount.focal - 1) > max(FOCAL_OFF, float(half))
@@ -403,6 +414,20 @@ def _of_scale(mount: Mount, *, trusts_along: bool, known: bool) -> list[Finding]
     if known:
         rows.append(Finding("distance of the scene", f"{mount.depth:.3f} m"))
     return rows
+
+
+def _of_tag(tag: TagFit) -> Finding:
+    """Return the row about a tag."""
+    if not tag.is_still:
+        return Finding(
+            "tag",
+            f"it does not stand still: its corners are {tag.off:.1f} px off the fit",
+            "fix the tag, or leave out --tag-mm",
+            is_good=False,
+        )
+    found = f"{MM * tag.side:.1f} mm, +- {MM * tag.half:.1f}; stated {MM * tag.stated:.1f}"
+    change = "measure its black square, or correct the unit of the log's lengths"
+    return Finding("tag: side", found, change * (not tag.has_size), is_good=tag.has_size)
 
 
 def _against_believed(

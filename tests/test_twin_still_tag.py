@@ -1,0 +1,91 @@
+"""A tag that stands still in a film: focal length and lever along the optical axis together."""
+
+import numpy as np
+import pytest
+from hidden_robot import CAMERA, Film, Robot
+from scipy.spatial.transform import Rotation
+
+from servo.twin.corrections import Kind, Smooth, motion
+from servo.twin.mount import COUNT, Mount
+from servo.twin.robot_motion import smoothed
+from servo.twin.still_tag import SQUARE, StillTag, TagSightings
+from servo.twin.tracks import Tracks
+from tracking.sequences.sources import Picture
+
+ROBOT = Robot(0.06, Rotation.from_rotvec([0.2, -0.1, 0.3]), np.array([0.02, -0.03, 0.04]))
+FILM = Film(3, 20.0)
+SIDE = 0.08
+TIMES = np.arange(200) / 10
+EMPTY = np.zeros((0, 1, 2))
+TRACKS = Tracks(
+    TIMES,
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int64),
+    EMPTY,
+    EMPTY,
+    EMPTY[..., 0] > 0,
+    CAMERA.fx,
+    0.0,
+    [],
+    (320, 240),
+    [],
+)
+
+
+def fitted(stated=SIDE, focal=1.05, moves=0.0):
+    """The fit of a tag's corners, with noise of 0.1 px, by a camera whose focal length is `focal`
+    times the given one, from a rough mount.
+    """
+    R, t = FILM.pose(TIMES)
+    middle = t[0] - R[0][:, 2] * t[0][2] / R[0][2, 2]
+    rng = np.random.default_rng(0)
+    tag = Rotation.from_euler("xyz", [np.pi, 0.1, 0.4]).apply(SIDE * SQUARE) + middle
+    there = tag + moves * TIMES[:, None, None]
+    rays = (there - t[:, None]) @ R
+    seen = rays[..., :2] / rays[..., 2:] * focal
+    seen += rng.normal(0, 0.1 / CAMERA.fx, seen.shape)
+    times, poses = ROBOT.log(FILM)
+    moved = motion(Smooth(Kind.POSES, *smoothed(times, poses), ()))
+    rough = ROBOT.rotation * Rotation.from_rotvec([0.02, -0.02, 0.01])
+    arm = ROBOT.rotation.inv().apply(ROBOT.lever) * (1, 1, 0)
+    first = Mount(
+        ROBOT.offset + 2e-3,
+        rough.as_matrix(),
+        arm,
+        1.0,
+        0.0,
+        np.array([0.0, 0.0, 1.5]),
+        np.zeros(COUNT),
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    )
+    return StillTag(np.arange(200), seen, stated).fitted(moved, TRACKS, first)
+
+
+def test_focal_length_and_lever_along_the_axis_are_found_together():
+    found = fitted()
+    errors = ROBOT.errors(found.mount)
+    assert np.all(abs(errors) < found.mount.halves[:7]), errors
+    assert np.degrees(abs(errors[1:4])).max() < 0.1
+    assert abs(errors[4:]).max() < 2e-3
+    assert found.mount.focal == pytest.approx(1.05, abs=0.003)
+    assert found.mount.halves[7] < 0.02
+    assert found.is_still
+    assert found.has_size
+
+
+def test_a_wrong_side_is_found_and_a_tag_that_moves_is_told():
+    found = fitted(stated=0.088)
+    assert found.side == pytest.approx(SIDE, abs=2e-4)
+    assert not found.has_size
+    assert not fitted(moves=np.array([0.02, 0.01, 0.0])).is_still
+
+
+def test_a_tag_is_looked_for_in_each_third_picture_that_can_be_decoded():
+    grey = np.full((120, 160, 3), 200, np.uint8)
+    seen = TagSightings()
+    pictures = [Picture("a", 0.0, None), *(Picture(str(k), k / 30, grey) for k in range(7))]
+    assert list(seen.watching(pictures)) == pictures
+    assert seen.numbers == []
