@@ -228,6 +228,15 @@ def test_a_notebook_installs_servobench_where_it_is_missing(tmp_path):
     assert printed == ["pip install -q 'servobench[notebook]'\n"]
 
 
+@pytest.mark.processes
+def test_the_notebook_of_a_tutorial_runs():
+    made = runpy.run_path(str(ROOT / "servo" / "docs" / "notebooks.py"))
+    page = (ROOT / "servo" / "tutorials" / "your_control_law.md").read_text()
+    cells = json.loads(made["with_outputs"](made["notebook"](page)))["cells"]
+    (printed,) = ("".join(o["text"]) for c in cells for o in c.get("outputs", []) if "text" in o)
+    assert re.search(r"^line, proportional: 1[3-6]\.\d+ px", printed, re.MULTILINE), printed
+
+
 def test_in_a_workflow_a_tutorial_leads_to_colab(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(ROOT / "servo" / "docs")
     monkeypatch.setenv("GITHUB_REPOSITORY", "owner/name")
