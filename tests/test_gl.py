@@ -132,7 +132,7 @@ QUIET = {
     "no home": (
         ["report", "gone"],
         {"HOME": "/dev/null", "XDG_CONFIG_HOME": "", "XDG_CACHE_HOME": ""},
-        "servobench: gone: there is no such folder: name one, or loop-v1 or servo-v1 or servo-v2 or goal-v1 without --measures\n",
+        "servobench: gone: there is no such folder: name one, or loop-v2 or loop-v2-size or loop-v2-all or servo-v2 or goal-v1 or loop-v1 or servo-v1 without --measures\n",
         2,
     ),
 }

@@ -65,11 +65,15 @@ NAMES = [
     "P2-3",
     "P2-3b",
     "P3-1",
+    "P3-1b",
     "P3-2",
+    "P3-2b",
     "P3-3",
     "P3-4",
+    "P3-4b",
     "P3-5",
     "P3-6",
+    "P3-6b",
     "estimators",
 ]
 FULL = Effort(quick=False, sequences=None)

@@ -224,7 +224,7 @@ STUDY = json.dumps(
 BAD = {
     "no folder": (
         None,
-        "{}: there is no such folder: name one, or loop-v1 or servo-v1 or servo-v2 or goal-v1 without --measures",
+        "{}: there is no such folder: name one, or loop-v2 or loop-v2-size or loop-v2-all or servo-v2 or goal-v1 or loop-v1 or servo-v1 without --measures",
     ),
     "nothing known": (
         {"notes.txt": b""},

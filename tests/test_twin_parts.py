@@ -18,7 +18,16 @@ from servo.report.words import Tone
 from servo.scenario.load import load
 from servo.twin import section
 from servo.twin.compare import Comparison
-from servo.twin.corrections import Correction, Frame, Kind, Smooth, corrections, millimetres, motion
+from servo.twin.corrections import (
+    Correction,
+    Frame,
+    Kind,
+    Smooth,
+    corrections,
+    disguises,
+    millimetres,
+    motion,
+)
 from servo.twin.corrections import rates as wrong_rates
 from servo.twin.diagnosis import Diagnosis, Trial
 from servo.twin.mount import Mount
@@ -236,6 +245,18 @@ def test_corrections_of_joints_change_one_two_or_all_angles():
     assert mm.tolist() == [1, 2, 3]
     [mm] = millimetres(log(Kind.POSES, [POSE])).change(np.array([[1000.0, 2000, 3000, 4, 5, 6, 7]]))
     assert mm.tolist() == [1, 2, 3, 4, 5, 6, 7]
+
+
+def test_joints_in_degrees_are_among_the_mistakes_that_hide_the_motion():
+    rates = [each.mistake for each in wrong_rates()]
+    names = ("joint_a_rad", "joint_b_m")
+    joints, slides = (
+        [each.mistake for each in disguises(log(Kind.JOINTS, [values], of))]
+        for values, of in (([1, 2], names), ([2], names[1:]))
+    )
+    assert joints == [*rates, "the joints' angles are in degrees"]
+    assert slides == rates
+    assert [each.mistake for each in disguises(log(Kind.POSES, [POSE]))] == rates
 
 
 def test_films_of_another_rate_are_stretched():

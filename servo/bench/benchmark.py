@@ -23,11 +23,16 @@ from sim.types import Array
 from tracking.files.json_text import as_json
 
 FOLDER = "benchmarks"
-NAMES = ("loop-v1", "servo-v1", "servo-v2", "goal-v1")
-"""Frozen benchmarks, with published results."""
-DRAFTS = ("loop-v2",)
-"""Drafts of benchmarks, whose conditions may still change: they have no JSON file of frozen
-settings, and worlds to tune on only."""
+NAMES = (
+    "loop-v2",
+    "loop-v2-size",
+    "loop-v2-all",
+    "servo-v2",
+    "goal-v1",
+    "loop-v1",
+    "servo-v1",
+)
+"""Public benchmarks, the newest first. One without a JSON file of frozen settings is a draft."""
 HASH_DIGITS = 16
 """Of a SHA-256: 64 bits, so that no two editions of a benchmark share them."""
 SEVERITY = "severity"
@@ -41,6 +46,9 @@ FARTHEST = 2.0
 HELD_SIZE = 1.0
 HELD_SHARE = 0.95
 """A robot holds its target that is within one size of the goal for this share of the time."""
+EQUAL_DEPTH = 0.2
+EQUAL_DEG = 15.0
+"""Errors of the depth, as abs(ln(Z/Z*)), and of the angle that count as one target size."""
 ARRIVED_MM = 10.0
 ARRIVED_DEG = 1.0
 NEAR_MM = 100.0
@@ -48,6 +56,7 @@ NEAR_DEG = 10.0
 """Arrival in the wider sense that is used for learned servoing: a tenth of a path of a metre, and
 ten degrees."""
 Settings = Table
+WhatError = Literal["centre", "size", "all"]
 OF_CONTESTANTS = {
     "tracker": ("tracker",),
     "law": ("features", "controller"),
@@ -153,6 +162,11 @@ class Benchmark:
     """What takes part: a tracker, a control law, or a law that compares the camera's picture with
     the one at the goal."""
     score: Literal["held", "arrives", "reaches"]
+    error: WhatError
+    """What the error in each picture covers: the target's centre, its size too, or all of it."""
+    watched: int
+    """Worlds of each condition in which the contestant, a tracker, also gets the pictures of a
+    camera that another one, `perfect`, steers."""
     worlds: int
     """Worlds of a condition."""
     seeds: dict[str, int]
@@ -177,13 +191,6 @@ class Benchmark:
     stand in a table of their own."""
     text: str
     """The file that all of this was read from."""
-
-    @property
-    def is_draft(self) -> bool:
-        """True if the benchmark is a draft, which is not frozen: it has no JSON file with the
-        values of its settings.
-        """
-        return not self.frozen
 
     @cached_property
     def hash(self) -> str:
@@ -257,8 +264,9 @@ class Benchmark:
         seeds of a set of worlds (`band`).
 
         The draws are balanced: of n worlds one lies in each n-th part of a range, and each level of
-        a factor occurs equally often, up to rounding (McKay, Beckman and Conover, A comparison of
-        three methods for selecting values of input variables, 1979: the Latin hypercube).
+        a factor occurs equally often, up to rounding; with fewer worlds than levels, some occur
+        twice (McKay, Beckman and Conover, A comparison of three methods for selecting values of
+        input variables, 1979: the Latin hypercube).
         """
         seeds = self._seeds(condition, band)
         count = len(seeds)
@@ -305,14 +313,13 @@ class Benchmark:
 
 
 def load(name: str) -> Benchmark:
-    """Return a public benchmark that is shipped with servobench, frozen or still a draft, by its
-    name, such as "loop-v1".
+    """Return a public benchmark that is shipped with servobench by its name, such as "loop-v2".
 
     Raises:
         Mistake: There is no benchmark of this name.
     """
-    if name not in (*NAMES, *DRAFTS):
-        raise Mistake(unknown(name, (*NAMES, *DRAFTS), "benchmark"))
+    if name not in NAMES:
+        raise Mistake(unknown(name, NAMES, "benchmark"))
     folder = resources.files("scenes") / FOLDER
     frozen: dict[str, Any] = {"settings": {}, "rendering": ""}
     if (folder / f"{name}.json").is_file():
@@ -327,7 +334,8 @@ def parsed(
 
     Args:
         name: The benchmark's name.
-        text: Contents of the TOML file.
+        text: Contents of the TOML file. If it has the key `like`, the name of another benchmark, it
+            consists of the settings that differ from that one's file.
         settings: Value of each setting when the benchmark was frozen, by dotted key; empty for a
             draft.
         rendering: Digest of the first pictures of the published runs ("v1"); "" for a draft.
@@ -336,6 +344,10 @@ def parsed(
     """
     # The file is ours, so its values have the types that a benchmark needs.
     table: dict[str, Any] = toml.decode(text, name)
+    if (other := table.pop("like", None)) is not None:
+        base = (resources.files("scenes") / FOLDER / f"{other}.toml").read_text("utf-8")
+        table = toml.merged(toml.decode(base, other), table)
+        table["files"].append(f"{FOLDER}/{other}.toml")  # so that the hash covers it
     common = flat(table["ranges"], name)
     conditions = [
         Condition(
@@ -363,6 +375,8 @@ def parsed(
         title=sentence(text),
         contestant=table["contestant"],
         score=table["score"],
+        error=table.get("error", "centre"),
+        watched=table.get("watched", 0),
         worlds=table["worlds"],
         seeds=table["seeds"],
         null=table["null"],
@@ -384,7 +398,13 @@ def _constants(score: str) -> Settings:
     key.
     """
     of_scores = {
-        "held": {"farthest": FARTHEST, "held_size": HELD_SIZE, "held_share": HELD_SHARE},
+        "held": {
+            "farthest": FARTHEST,
+            "held_size": HELD_SIZE,
+            "held_share": HELD_SHARE,
+            "equal_depth": EQUAL_DEPTH,
+            "equal_deg": EQUAL_DEG,
+        },
         "arrives": {
             "arrived_mm": ARRIVED_MM,
             "arrived_deg": ARRIVED_DEG,

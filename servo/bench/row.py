@@ -26,7 +26,7 @@ from servo.bench.benchmark import (
     condition_of,
 )
 from servo.bench.contestant import Contestant, Division
-from servo.bench.world_run import CONTESTANT, SLOW, WORLD
+from servo.bench.world_run import CONTESTANT, OVERLAP, SLOW, WITHIN, WORLD
 from servo.bench.world_score import (
     DIGITS,
     ERROR,
@@ -152,7 +152,7 @@ def row_of(
         worlds={r.settings[WORLD]: world_score(benchmark.score, r) for r in at_once},
         slow={} if contestant.division is Division.SCALE else slow_of(benchmark, errors),
         curve=curve_of([r.series[ERROR] for r in at_once]),
-        measures={} if benchmark.score == "held" else _measures(at_once),
+        measures=_open_loop(at_once) if benchmark.score == "held" else _measures(at_once),
     )
 
 
@@ -174,6 +174,18 @@ def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> 
     return {
         f"{ms:g}": float(np.mean([score_errors(errors[at]).held for at in of]))
         for ms, of in sorted(runs.items())
+    }
+
+
+def _open_loop(records: Sequence[Record]) -> dict[str, float | None]:
+    """Return the means of a tracker's measures over the runs in which it also got the pictures of a
+    camera that it did not steer; empty if there are none.
+    """
+    watched = [r for r in records if OVERLAP in r.measures]
+    return {
+        name: round(float(np.mean([r.measures[name] for r in watched])), 4)
+        for name in (OVERLAP, WITHIN)
+        if watched
     }
 
 

@@ -7,24 +7,38 @@ from pathlib import Path
 
 import numpy as np
 
-from servo.bench.benchmark import Benchmark, Settings, World
+from servo.bench.benchmark import (
+    EQUAL_DEG,
+    EQUAL_DEPTH,
+    Benchmark,
+    Settings,
+    WhatError,
+    World,
+)
 from servo.bench.contestant import Contestant, Division
 from servo.bench.world_score import ERROR, LAST, PICTURE, world_score
 from servo.loop.columns import Columns
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
-from servo.scenario.load import parse
+from servo.loop.settings import stream
+from servo.scenario.load import Scenario, parse
 from servo.scenario.toml import Table
 from servo.study.run import Job, Record
 from servo.study.scenario_run import Sheet, record_of
 from sim.channels import Channel
+from sim.outline import area
 from sim.types import Array, Image
 from sim.world import Unstable
+from tracking.evaluation.track_measures import turned_overlaps
 
 CONTESTANT = "contestant"
 WORLD = "world"
 SLOW = "slow"
 """Settings of a job: the contestant, the world, and the tracker's time for a picture [ms], or 0."""
+OVERLAP = "open_loop_iou"
+WITHIN = "open_loop_within_pct"
+"""Measures of a tracker that does not steer the camera: overlap, and share of pictures [%] in which
+its centre is near the true one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +54,13 @@ class WorldRun:
     """Name of the condition."""
     score: str
     """The benchmark's kind of score, by which a run fails."""
+    error: WhatError
+    """What the error covers: the target's centre, its size too, or all of it."""
     table: Table
     """The scenario's TOML table."""
+    driver: Table | None = None
+    """Table of the same world in which another tracker steers the camera: the contestant also gets
+    its pictures. None: it does not."""
 
     def describe(self) -> Table:
         """Return the benchmark's name and hash by the key "benchmark", and the scenario's table by
@@ -82,28 +101,67 @@ class WorldRun:
         record = replace(
             record,
             settings=record.settings | {PICTURE: first, LAST: last},
-            series={ERROR: errors_of(run, scenario.frames).astype(np.float32)},
+            measures=record.measures | self._open_loop(scenario, job),
+            series={ERROR: errors_of(run, scenario.frames, self.error).astype(np.float32)},
         )
         failed = looks and not world_score(self.score, record).held
         return replace(record, sheet=sheet.jpeg()) if failed else record
 
+    def _open_loop(self, scenario: Scenario, job: Job) -> dict[str, float]:
+        """Return how well the contestant follows the target in the pictures of a camera that
+        `driver` steers, over all pictures but the first: its mean overlap with the truth
+        (intersection over union), and the share of pictures [%] in which its centre is at most half
+        a target size from the true one. Return nothing without a driver.
 
-def errors_of(run: Columns, frames: int) -> Array:
-    """Return the distance, in each picture, of the target's true centre from its goal (frames,)
-    [target sizes].
+        Raises:
+            Exception: What the contestant raises.
+        """
+        if self.driver is None:
+            return {}
+        tracker = scenario.tracker.build(stream(job.seed, "tracker"))
+        found, true = list[Array](), list[Array]()
+        with Episode(parse(self.driver, str(job.settings[WORLD]), self.benchmark)) as episode:
+            _, region, start = episode.shown
+            for step in episode:
+                if step.frame.index == 0:
+                    tracker.start(step.frame, region, start)
+                else:
+                    found.append(tracker.update(step.frame).outline(region))
+                    true.append(step.truth.corners)
+        off = np.linalg.norm(np.mean(found, axis=1) - np.mean(true, axis=1), axis=1)
+        sizes = np.sqrt([area(corners) for corners in true])
+        return {
+            OVERLAP: float(turned_overlaps(np.stack(found), np.stack(true)).mean()),
+            WITHIN: 100 * float(np.mean(off <= sizes / 2)),
+        }
 
-    A target size is the square root of the target's area in the goal picture. The distance is
-    infinite in pictures that the run did not reach, and where the target is behind the camera.
+
+def errors_of(run: Columns, frames: int, what: WhatError) -> Array:
+    """Return the error of the target's true place in each picture (frames,) [target sizes].
+
+    It is the distance of the target's centre from its goal, in target sizes: square roots of the
+    target's area in the goal picture. It is infinite in pictures that the run did not reach, and
+    where the target is behind the camera.
 
     Args:
         run: Columns of all steps of the run.
         frames: Number of pictures of a complete run.
+        what: What the error covers. "centre": this distance; "size": the largest of it and of the
+            depth's error abs(ln(Z/Z*)) over 0.2; "all": the largest of these and of the error of
+            the target's angle over 15 degrees.
     """
     x, y = run.first.truth.corners.T
     area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
     metres = np.sqrt(area) / run.first.truth.size
+    parts = [run["servo"] / (metres * run["goal_size"])]
+    if what != "centre":
+        # The size in the picture is inversely proportional to the depth.
+        parts.append(abs(np.log(run["size"] / run["goal_size"])) / EQUAL_DEPTH)
+    if what == "all":
+        angles = np.angle(np.exp(1j * run["turned"]), deg=True)
+        parts.append(abs(angles) / EQUAL_DEG)
     found = np.full(frames, np.inf)
-    found[: len(run)] = run["servo"] / (metres * run["goal_size"])
+    found[: len(run)] = np.max(parts, axis=0)
     return np.where(np.isnan(found), np.inf, found)
 
 
@@ -112,7 +170,9 @@ def jobs_of(
 ) -> list[Job]:
     """Return a job for each contestant in each world (random scenario). In the worlds of the
     condition that `benchmark.slow` names, each contestant but the reference ones ("still" and
-    "truth") also has a job for each time that a slowed tracker takes for a picture.
+    "truth") also has a job for each time that a slowed tracker takes for a picture. In the first
+    `benchmark.watched` worlds of each condition, a contestant also gets the pictures of a camera
+    that the reference "truth" steers.
     """
     of = f"{benchmark.name} {benchmark.hash}"
     slow = benchmark.slow
@@ -125,7 +185,11 @@ def jobs_of(
                 late.extend((ms, {slow.setting: ms}) for ms in slow.values)
             for ms, settings in late:
                 table = benchmark.table_of(world, one.settings | settings)
-                subject = WorldRun(of, world.condition, benchmark.score, table)
+                watches = is_ranked and ms == 0.0 and world.number < benchmark.watched
+                driver = benchmark.table_of(world, benchmark.perfect or {}) if watches else None
+                subject = WorldRun(
+                    of, world.condition, benchmark.score, benchmark.error, table, driver
+                )
                 who: Table = {CONTESTANT: one.name, WORLD: world.key, SLOW: ms}
                 found.append(Job(len(found), subject, world.seed, who))
     return found

@@ -83,11 +83,6 @@ def run(
     console = Console(quiet=quiet)
     benchmark = load(name)
     benchmark.check_frozen()
-    if benchmark.is_draft and (band == "v1" or sealed is not None or submit is not None):
-        raise Mistake(
-            f"{name} is a draft, whose conditions may still change: only its worlds to tune on can "
-            "be run: leave --band v1, --sealed and --submit out"
-        )
     chosen = contestants(benchmark, given, changes)
     gl.is_there()
     if verify is not None:
@@ -248,9 +243,10 @@ def _rows(
 def _print(console: Console, benchmark: Benchmark, rows: Sequence[Row]) -> None:
     if len(rows) > len(scale_of(benchmark)):
         every = benchmark_section.beside_published(benchmark, rows)
-        for of in benchmark_section.by_pictures(benchmark, every).values():
-            print_table(console, benchmark_section.standings_table(benchmark, of))
-            plain(console, benchmark_section.difficulty_of(of))
+        for group in benchmark_section.by_pictures(benchmark, every).values():
+            for of in benchmark_section.by_division(group).values():
+                print_table(console, benchmark_section.standings_table(benchmark, of))
+                plain(console, benchmark_section.difficulty_of(of))
     others = {row.rendering for row in rows} - {"", benchmark.rendering}
     if others and benchmark_section.is_whole(benchmark, rows):
         plain(

@@ -166,8 +166,18 @@ def evaluate() -> None:
 @app.command()
 @click.argument(
     "name",
-    type=click.Choice(["loop-v1", "servo-v1", "servo-v2", "goal-v1", "loop-v2"]),
-    help="The benchmark; loop-v2 is a draft, whose conditions may still change.",
+    type=click.Choice(
+        [
+            "loop-v2",
+            "loop-v2-size",
+            "loop-v2-all",
+            "servo-v2",
+            "goal-v1",
+            "loop-v1",
+            "servo-v1",
+        ]
+    ),
+    help="The benchmark.",
 )
 @click.option(
     "--contestant",

@@ -1,5 +1,6 @@
 """Claims of papers about control laws of visual servoing, tested in new worlds (random scenarios)
-of the benchmark servo-v1.
+of the benchmark servo-v1, and some of them again in those of servo-v2, with a wrong model of the
+camera and late commands.
 
 F. Chaumette, Potential problems of stability and convergence in image-based and position-based
 visual servoing, 1998. N. R. Gans, P. I. Corke, S. A. Hutchinson, Performance tests of partitioned
@@ -29,9 +30,13 @@ from tracking.statistics.comparisons import (
 )
 from tracking.statistics.verdicts import Finding, greater, not_worse
 
-BENCHMARK = "servo-v1"
-WORLDS = 42
-"""Number of worlds of a condition: each of seven errors six times."""
+FIRST = "servo-v1"
+HARDER = "servo-v2"
+ERRORS = {
+    FIRST: "servo-v1 as it is frozen; corners are given, seven errors",
+    HARDER: "servo-v2 as it is frozen; corners are given, a wrong model and late commands",
+}
+"""The benchmarks, each with what its worlds are."""
 RETREAT = 0.1
 """Least mean retreat that counts [m]; a turn of 90 deg alone gives 0.25 m."""
 MORE = 20.0
@@ -45,15 +50,15 @@ PARTITIONED = "partitioned"
 CENTRED = "pose cMo"
 
 
-def _jobs(condition: str, laws: Sequence[str], effort: Effort) -> Sequence[Job]:
-    """Return the runs of some control laws in worlds (random scenarios) of one of the benchmark's
-    conditions; the worlds are drawn from the first seed on.
+def _jobs(where: str, condition: str, laws: Sequence[str], effort: Effort) -> Sequence[Job]:
+    """Return the runs of some control laws in worlds (random scenarios) of a condition of a
+    benchmark (`where`); the worlds are drawn from the first seed on.
     """
-    benchmark = load(BENCHMARK)
+    benchmark = load(where)
     first = FRESH if effort.first is None else effort.first
     band = Band("sealed", str(effort.seeds(1)[0] if effort.quick else first), "papers")
     chosen = next(c for c in benchmark.conditions if c.name == condition)
-    worlds = benchmark.worlds_of(chosen, band)[: 1 if effort.quick else WORLDS]
+    worlds = benchmark.worlds_of(chosen, band)[: 1 if effort.quick else None]
     jobs = jobs_of(benchmark, contestants(benchmark, laws), worlds)
     return [
         replace(job, name=f"laws/{job.settings[CONTESTANT]}-{job.settings[WORLD]}-{job.seed}")
@@ -63,7 +68,7 @@ def _jobs(condition: str, laws: Sequence[str], effort: Effort) -> Sequence[Job]:
 
 def _arrived(records: Sequence[Record]) -> Array:
     """Return 1 for each run (n,) whose camera arrived at its goal, else 0."""
-    score = load(BENCHMARK).score
+    score = load(FIRST).score  # also that of servo-v2
     return np.array([world_score(score, record).area for record in records])
 
 
@@ -147,7 +152,7 @@ def _verdict(
         effect.units,
         f"{measure}: {', '.join(f'{law} {words(of)}' for law, of in found.items())}",
         [["law", "arrived", "left the picture", "retreat", "camera path"], *rows],
-        intervals(f"worlds of {BENCHMARK}", measure, found),
+        intervals("worlds of the benchmark", measure, found),
     )
 
 
@@ -160,22 +165,23 @@ def _claim(
     holds: str,
     laws: Sequence[str],
     judge: Callable[[Evidence], Verdict],
+    where: str = FIRST,
 ) -> Claim:
-    """Return a claim about two control laws in worlds (random scenarios) of a condition of the
-    benchmark servo-v1; the texts are those of `Claim` and `Rule`.
+    """Return a claim about two control laws in worlds (random scenarios) of a condition of a
+    benchmark (`where`); the texts are those of `Claim` and `Rule`.
     """
     rule = Rule(
         measure,
-        "servo-v1 as it is frozen; corners are given, seven errors",
-        f"{WORLDS} worlds of `{condition}`, sealed with the first seed ({FRESH})",
+        ERRORS[where],
+        f"{load(where).worlds} worlds of `{condition}`, sealed with the first seed ({FRESH})",
         margin,
         "95 % interval over worlds",
         holds,
     )
-    return Claim(name, says, rule, judge, partial(_jobs, condition, laws))
+    return Claim(name, says, rule, judge, partial(_jobs, where, condition, laws))
 
 
-CLAIMS = (
+IN_FIRST = (
     _claim(
         "P3-1",
         "a turn about the optical axis drives the camera away with image points (Chaumette, 1998)",
@@ -252,4 +258,31 @@ CLAIMS = (
             (PARTITIONED, POINTS),
         ),
     ),
+)
+
+
+def _with_errors(claim: Claim, condition: str, laws: Sequence[str]) -> Claim:
+    """Return the same claim, by the same rule, in worlds of servo-v2."""
+    says = f"with a wrong model of the camera and late commands: {claim.says}"
+    rule = claim.rule
+    return _claim(
+        f"{claim.name}b",
+        says,
+        rule.measure,
+        condition,
+        rule.margin,
+        rule.holds,
+        laws,
+        claim.judge,
+        HARDER,
+    )
+
+
+_BY_NAME = {claim.name: claim for claim in IN_FIRST}
+CLAIMS = (
+    *IN_FIRST,
+    _with_errors(_BY_NAME["P3-1"], "turn", (POINTS, POLAR)),
+    _with_errors(_BY_NAME["P3-2"], "turn", (POLAR, POINTS)),
+    _with_errors(_BY_NAME["P3-4"], "general", (POSE, CENTRED)),
+    _with_errors(_BY_NAME["P3-6"], "general", (PARTITIONED, POINTS)),
 )

@@ -13,6 +13,7 @@ from servo.bench.benchmark import Band, Benchmark, World, load
 from servo.bench.contestant import FROZEN, Division
 from servo.bench.row import TAUS, Row, rows_in, shipped_rows
 from servo.bench.score import Difficulty, Discrimination, Standing, by_size, effects, standings
+from servo.bench.world_run import OVERLAP, WITHIN
 from servo.mistake import Mistake
 from servo.report.charts import Curve, Scale, curves, heat
 from servo.report.page import LIGHT, Block, Fact, Figure, PageImage, Section, again
@@ -37,18 +38,33 @@ COLUMNS = {
     "back m": "retreat_m",
     "out": "out_of_view_pct",
     "farthest px": "excursion_px",
+    "IoU alone": OVERLAP,
+    "near alone": WITHIN,
 }
-"""Columns of a law's table: measures of its row. Older rows do not have all."""
+"""Columns of the table: measures of a law's or a tracker's row. Older rows do not have all."""
 LAW_COLUMNS = (
     "Near: worlds that end within 10 cm and 10 deg [%]. Medians over worlds: error that remains "
     "[mm, deg], time [s], path [m], turns [deg] and retreat [m] of the camera, time with corners "
     "out of view [%], a corner's largest distance from the middle of the picture [px]; a dash "
     "where half of the worlds never settle, or where an older row has no value."
 )
+HELD = {
+    "centre": "Held: worlds in which the target is within its own size of the goal for 95 % of the "
+    "time. ",
+    "size": "Held: worlds in which the target is within its own size of the goal, and the depth "
+    "within a fifth, for 95 % of the time. ",
+    "all": "Held: worlds in which the target is within its own size of the goal, the depth within "
+    "a fifth and the angle within 15 degrees, for 95 % of the time. ",
+}
+"""What it means that a tracker holds the target, by what a benchmark's error covers."""
+ALONE = (
+    "Alone: while a camera that follows the truth takes the pictures, the tracker's mean overlap "
+    "with the target (intersection over union), and the pictures in which its centre is at most "
+    "half a target size from the true one [%]. "
+)
 SLOWEST = (
-    "Held: worlds in which the target is within its own size of the goal for 95 % of the time. "
-    f"Slowest: longest computing time with which half of the worlds of reversal are held [ms]; a "
-    f"dash where no more worlds are held than by {FROZEN}."
+    "Slowest: longest computing time with which half of the worlds of reversal are held [ms]; a "
+    f"dash where no more worlds are held than by {FROZEN}. "
 )
 
 
@@ -146,6 +162,21 @@ def by_pictures(benchmark: Benchmark, rows: Sequence[Row]) -> dict[str, list[Row
     return {one: [row for row in rows if row.rendering in ("", one)] for one in order}
 
 
+def by_division(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Return rows (each the results of a contestant) by the table that they belong to, under what
+    its title adds: contestants of the division OPEN, whose settings may differ from the file's,
+    have a table of their own, beside shipped ones; each table has the references of the scale.
+    """
+    of_open = [row for row in rows if row.division == Division.OPEN.name]
+    if not of_open:
+        return {"": [*rows]}
+    others = [row for row in rows if row not in of_open]
+    beside = [row for row in others if row.division != Division.CLOSED.name]
+    found = {", open division": [*of_open, *beside]}
+    is_more = any(row.division != Division.SCALE.name for row in others)
+    return {"": others, **found} if is_more else found
+
+
 def _unfinished(folder: Path, study: StudyFile) -> Section:
     """Return the section of an HTML report about a benchmark in which no contestant has run in all
     worlds yet.
@@ -180,9 +211,14 @@ def blocks_of(
         groups: Rows by the digest of their pictures, from `by_pictures`.
     """
     found = list[Block]()
-    for rendering, rows in groups.items():
+    tables = [
+        (rendering, division, rows)
+        for rendering, group in groups.items()
+        for division, rows in by_division(group).items()
+    ]
+    for rendering, division, rows in tables:
         other = len(groups) > 1 and rendering != benchmark.rendering
-        after = f", pictures {rendering}" if other else ""
+        after = (f", pictures {rendering}" if other else "") + division
         table = standings(rows)
         is_loop = benchmark.score == "held"
         first = _curves(rows, table) if is_loop else _sizes(benchmark, worlds, table)
@@ -205,7 +241,8 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
     """
     is_loop = benchmark.score == "held"
     head = ("contestant", "division", "score", "held" if is_loop else "arrived", "rank", "P")
-    columns = ["slowest"] if is_loop else _columns(rows)
+    columns = _columns(rows)
+    late = ["slowest"] if benchmark.slow else []
     table = standings(rows)
     found = [
         [
@@ -215,7 +252,8 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
             f"{100 * standing.held.value:.0f} %",
             "-".join(map(str, sorted({standing.first, standing.last}))),
             f"{standing.beats_next:.2f}",
-            *map(shown, [standing.slowest] if is_loop else _measures(standing.row, columns)),
+            *map(shown, [standing.slowest for _ in late]),
+            *map(shown, _measures(standing.row, columns)),
         ]
         for standing in table
     ]
@@ -224,19 +262,23 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
         + ("100 for the truth; " if is_loop else "100 where each world is reached; ")
         + "with its 95 % interval over worlds. Rank: as an interval (paired t, Holm over pairs). "
         + "P: probability to be better than the next one in the same world. "
-        + (SLOWEST if is_loop else LAW_COLUMNS)
-    )
+        + (HELD[benchmark.error] if is_loop else LAW_COLUMNS)
+        + (SLOWEST if late else "")
+        + (ALONE if is_loop and columns else "")
+    ).rstrip()
     home = [i for i, standing in enumerate(table) if is_home(standing.row)]
-    return Table([*head, *columns], found, range(2), note, home if len(home) < len(table) else ())
+    return Table(
+        [*head, *late, *columns], found, range(2), note, home if len(home) < len(table) else ()
+    )
 
 
 def _columns(rows: Sequence[Row]) -> list[str]:
-    """Return the names of the columns with measures of laws that at least one row has."""
+    """Return the names of the columns with measures that at least one row has."""
     return [name for name, key in COLUMNS.items() if any(key in row.measures for row in rows)]
 
 
 def _measures(row: Row, columns: Sequence[str]) -> list[float | None]:
-    """Return the measures of a law's row in the given columns; None: the row has none."""
+    """Return the measures of a row in the given columns; None: the row has none."""
     return [row.measures.get(COLUMNS[name]) for name in columns]
 
 

@@ -217,6 +217,17 @@ def with_settings(table: Table, settings: Table, place: str) -> Table:
     return changed
 
 
+def merged(base: Table, own: Table) -> Table:
+    """Return a copy of the table `base` with the values of `own` in place of its own; tables that
+    both have are merged in the same way.
+    """
+    found = copied(base)
+    for key, value in own.items():
+        before = found.get(key)
+        found[key] = merged(before, value) if is_table(before) and is_table(value) else value
+    return found
+
+
 def drop(table: Table, path: str) -> None:
     """Remove a setting such as "run.latency", if it is there, from a scenario's table, in place,
     and also its random distribution in the table [vary].

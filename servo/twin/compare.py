@@ -9,7 +9,7 @@ import numpy as np
 
 from servo.twin import mount as mounts
 from servo.twin import offset as offsets
-from servo.twin.corrections import Correction, Smooth, motion, rates
+from servo.twin.corrections import Correction, Smooth, disguises, motion
 from servo.twin.diagnosis import Diagnosis, corrected, diagnose
 from servo.twin.mount import Mount
 from servo.twin.offset import Offset
@@ -76,7 +76,7 @@ def compare(
     flows = offsets.affine_flows(steps)
     rng = np.random.default_rng(0)
     offset = offsets.found(motion(smooth), steps, flows, rng)
-    surely = () if offset.depth > SHALLOW else _rate(smooth, steps)
+    surely = () if offset.depth > SHALLOW else _revealing(smooth, steps)
     is_shown = bool(offset.depth > SHALLOW or surely)
     known = offset.value if is_shown and not surely and not offset.at_end else None
     axes = second_axes(motion(smooth), tracks)
@@ -110,15 +110,15 @@ def compare(
     return Comparison(film, moved, flows, offset, diagnosis, mount, verdict)
 
 
-def _rate(smooth: Smooth, steps: Tracks) -> tuple[Correction, ...]:
-    """Return the correction of a film's rate with which the log explains the film, if there is
-    one.
+def _revealing(smooth: Smooth, steps: Tracks) -> tuple[Correction, ...]:
+    """Return the correction with which a log that does not explain the film does explain it, if
+    there is one: of the film's rate, or of joint angles in degrees.
     """
     deepest = SHALLOW
     best: tuple[Correction, ...] = ()
-    for each in rates():
+    for each in disguises(smooth):
         film = corrected(steps, (each,))
-        found = offsets.curve_of(motion(smooth), film, offsets.affine_flows(film))
+        found = offsets.curve_of(motion(smooth, each), film, offsets.affine_flows(film))
         if found.depth > deepest:
             deepest = found.depth
             best = (each,)

@@ -93,6 +93,22 @@ def millimetres(smooth: Smooth) -> Correction:
     )
 
 
+def disguises(smooth: Smooth) -> list[Correction]:
+    """Return the corrections of mistakes that hide the motion of a log, each alone: another rate of
+    the film, and joint angles in degrees, with which the hand seems to spin.
+    """
+    turning = [k for k, name in enumerate(smooth.names) if name.endswith("_rad")]
+    return [*rates(), *([_degrees(turning)] if smooth.kind is Kind.JOINTS and turning else [])]
+
+
+def _degrees(turning: list[int]) -> Correction:
+    return Correction(
+        "the joints' angles are in degrees",
+        "log angles in rad: the present numbers over 57.3",
+        _scaled(turning, DEGREE),
+    )
+
+
 def motion(smooth: Smooth, *corrections: Correction) -> RobotMotion:
     """Return the motion of the robot's hand that follows from a log, after corrections of the log's
     values and of the frame of its twists. Flips and stretches of the film have no effect here.
@@ -344,8 +360,4 @@ def _of_joints(names: tuple[str, ...]) -> Iterator[Correction]:
                     _ordered(order),
                 )
     if turning:
-        yield Correction(
-            "the joints' angles are in degrees",
-            "log angles in rad: the present numbers over 57.3",
-            _scaled(turning, DEGREE),
-        )
+        yield _degrees(turning)

@@ -1,5 +1,6 @@
 """Draw pictures of the manuals anew: python tests/tools/manual_pictures.py [NAME ...]."""
 
+import itertools
 import subprocess
 import sys
 from pathlib import Path
@@ -277,6 +278,10 @@ def goal_picture() -> None:
     saved(figure, "goal_picture.jpg")
 
 
+HIDDEN_FRAME = 57
+"""A frame in which boards stand before the target."""
+
+
 def goal_worlds() -> None:
     """Of each condition of goal-v1 a world to tune on: the picture at the goal, and the first one."""
     benchmark = load("goal-v1")
@@ -291,7 +296,33 @@ def goal_worlds() -> None:
     saved(figure, "goal_worlds.jpg")
 
 
-PARTS = (goal_picture, goal_worlds, contrast, hand_follow, environment, photographs, ros2, drivers)
+def loop_worlds() -> None:
+    """Of each condition of loop-v2 a world to tune on, in the middle of the run, as the truth sees it."""
+    benchmark = load("loop-v2")
+    figure, axes = plt.subplots(4, 5, figsize=(10, 7.2), layout="constrained")
+    for k, condition in enumerate(benchmark.conditions):
+        world = benchmark.worlds_of(condition, Band())[k % 6]
+        scenario = benchmark.scenario_of(world, benchmark.perfect)
+        above, below = axes[2 * (k // 5) : 2 * (k // 5) + 2, k % 5]
+        with servo.Episode(scenario) as episode:
+            steps = itertools.islice(episode, HIDDEN_FRAME + 1)
+            pictures = [step.frame.image for step in steps]
+        shown(above, pictures[0], f"{condition.name}: at the start")
+        shown(below, pictures[-1], f"after {HIDDEN_FRAME / scenario.camera.rate:.1f} s")
+    saved(figure, "loop_worlds.jpg")
+
+
+PARTS = (
+    goal_picture,
+    goal_worlds,
+    loop_worlds,
+    contrast,
+    hand_follow,
+    environment,
+    photographs,
+    ros2,
+    drivers,
+)
 DRAWN = {one.__name__: one for one in PARTS}
 
 if __name__ == "__main__":
