@@ -7,6 +7,7 @@ import subprocess
 import sys
 import webbrowser
 from pathlib import Path
+from types import SimpleNamespace
 from urllib.parse import unquote, urlsplit
 
 import cv2
@@ -179,13 +180,13 @@ def test_a_notebook_has_a_cell_for_each_block():
     notebook = runpy.run_path(str(ROOT / "servo" / "docs" / "notebooks.py"))["notebook"]
     cells = json.loads(notebook(page))["cells"]
     first, *others = [cell["source"] for cell in cells]
-    assert first.startswith(
-        "# Title\n\nRun this in an empty folder; it needs servobench with the extra"
-    )
-    assert first.endswith("Text with a link.\n\n```toml\nshown = 1\n```\n\nSave as\n`sub/a.py`:")
+    assert first.startswith("# Title\n\nRun this in an empty folder, or in Colab; the first cell")
     assert others == [
-        'import os\nimport sys\n\nos.environ["PYTHON"] = sys.executable  '
-        "# the commands below run with this kernel's Python",
+        "import os\nimport sys\nfrom importlib.util import find_spec\n\n"
+        'if find_spec("servo") is None:  # as in Colab\n'
+        "    %pip install -q 'servobench[notebook]'\n"
+        'os.environ["PYTHON"] = sys.executable  # the commands below run with this kernel\'s Python',
+        "Text with a link.\n\n```toml\nshown = 1\n```\n\nSave as\n`sub/a.py`:",
         "%mkdir -p sub",
         "%%writefile sub/a.py\nx = 1",
         "Then:",
@@ -194,7 +195,10 @@ def test_a_notebook_has_a_cell_for_each_block():
         "The [end](https://a.b).",
     ]
     kinds = [cell["cell_type"] for cell in cells]
-    assert kinds == ["markdown", "code", "code", "code", "markdown", "code", "code", "markdown"]
+    assert kinds == [
+        *("markdown", "code", "markdown", "code", "code"),
+        *("markdown", "code", "code", "markdown"),
+    ]
 
 
 @pytest.mark.processes
@@ -206,6 +210,53 @@ def test_a_notebook_that_was_run_has_what_its_cells_print(tmp_path):
     assert printed == [f"servobench {servo.__version__}\n", "2\n"]
     with pytest.raises(CellExecutionError, match="ZeroDivisionError"):
         made["with_outputs"](made["notebook"]("# Title\n\n```python\n1 / 0\n```\n"))
+
+
+@pytest.mark.processes
+def test_a_notebook_installs_servobench_where_it_is_missing(tmp_path):
+    """Runs the first cell in a kernel that does not find servobench, with a pip that only speaks."""
+    made = runpy.run_path(str(ROOT / "servo" / "docs" / "notebooks.py"))
+    without = (
+        "```python\nimport importlib.util\nfrom IPython import get_ipython\n\n"
+        "importlib.util.find_spec = lambda name: None\n"
+        "get_ipython().register_magic_function(lambda line: print('pip', line), magic_name='pip')\n```\n"
+    )
+    whole = json.loads(made["notebook"](f"# Title\n\n{without}\nEnd.\n"))
+    whole["cells"].insert(0, whole["cells"].pop(2))
+    cells = json.loads(made["with_outputs"](json.dumps(whole)))["cells"]
+    printed = ["".join(o["text"]) for c in cells if "outputs" in c for o in c["outputs"]]
+    assert printed == ["pip install -q 'servobench[notebook]'\n"]
+
+
+@pytest.mark.processes
+def test_the_notebook_of_a_tutorial_runs():
+    made = runpy.run_path(str(ROOT / "servo" / "docs" / "notebooks.py"))
+    page = (ROOT / "servo" / "tutorials" / "your_control_law.md").read_text()
+    cells = json.loads(made["with_outputs"](made["notebook"](page)))["cells"]
+    (printed,) = ("".join(o["text"]) for c in cells for o in c.get("outputs", []) if "text" in o)
+    assert re.search(r"^line, proportional: 1[3-6]\.\d+ px", printed, re.MULTILINE), printed
+
+
+def test_in_a_workflow_a_tutorial_leads_to_colab(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(ROOT / "servo" / "docs")
+    monkeypatch.setenv("GITHUB_REPOSITORY", "owner/name")
+    pages = runpy.run_path(str(ROOT / "servo" / "docs" / "pages.py"))
+    built = SimpleNamespace(outdir=tmp_path, config=SimpleNamespace(run_tutorials=False))
+    page = pages["_with_notebook"](built, "# Title\n\nText.\n", "mine")
+    assert (
+        '<a href="https://colab.research.google.com/github/owner/name/blob/notebooks/mine.ipynb">'
+        in page
+    )
+    assert (tmp_path / "notebooks" / "mine.ipynb").is_file()
+
+
+def test_a_script_writes_the_notebooks_of_pages(tmp_path):
+    pages = [ROOT / "servo" / "tutorials" / name for name in ("exercises.md", "your_tracker.md")]
+    words = [sys.executable, str(ROOT / "servo" / "docs" / "notebooks.py"), *map(str, pages)]
+    subprocess.run(words, cwd=tmp_path, check=True)
+    made = {path.name: json.loads(path.read_text()) for path in tmp_path.iterdir()}
+    assert sorted(made) == ["exercises.ipynb", "your_tracker.ipynb"]
+    assert made["exercises.ipynb"]["cells"][1]["source"].startswith("import os")
 
 
 def test_the_commands_of_a_notebook_need_no_path():

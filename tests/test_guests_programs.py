@@ -4,6 +4,7 @@ import dataclasses
 import re
 import shlex
 import shutil
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -68,6 +69,17 @@ def test_the_pages_example_in_javascript_runs(tmp_path):
     assert (found[0].state.x, found[0].state.y) == (x + 0.5, y + 0.5)
     green = frame(1).image[30:50, 40:70, 1]
     assert frame(1).image[y, x, 1] == green.max()
+
+
+@pytest.mark.skipif(not shutil.which("g++"), reason="g++ is not on this machine")
+def test_the_pages_example_in_cpp_runs(tmp_path):
+    (tmp_path / "my_tracker.cpp").write_text(example("cpp"))
+    words = ["g++", "-Wall", "-Wextra", "-Werror", "-o", "my_tracker", "my_tracker.cpp"]
+    subprocess.run(words, cwd=tmp_path, check=True)
+    found = followed(Config(command=str(tmp_path / "my_tracker")))
+    assert {(e.state, e.status, e.follows) for e in found} == {
+        (START, Status.LOCKED, (False, False))
+    }
 
 
 def test_it_is_told_the_seed_the_time_and_the_target(tmp_path):

@@ -1,9 +1,15 @@
-"""Converts tutorials in Markdown to Jupyter notebooks, with a cell for each block of code."""
+"""Converts tutorials in Markdown to Jupyter notebooks, with a cell for each block of code.
+
+As a script, `python servo/docs/notebooks.py PAGE.md ...` writes PAGE.ipynb into the working
+directory for each page.
+"""
 
 from __future__ import annotations
 
 import json
 import re
+import sys
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
@@ -21,12 +27,18 @@ COMMAND = re.compile(r"^(servobench|python)(?= )", re.MULTILINE)
 RUN_AS = {"servobench": '"$PYTHON" -m servo', "python": '"$PYTHON"'}
 SETUP = """import os
 import sys
+from importlib.util import find_spec
 
+if find_spec("servo") is None:  # as in Colab
+    %pip install -q 'servobench[notebook]'
 os.environ["PYTHON"] = sys.executable  # the commands below run with this kernel's Python"""
-"""First cell: commands run with the kernel's Python, which may not be on PATH."""
+"""First cell: installs servobench where it is missing; commands run with the kernel's Python, which
+may not be on PATH.
+"""
 BEGIN = (
-    "Run this in an empty folder; it needs servobench with the extra `notebook` (in a checkout: "
-    "`pip install '.[notebook]'`) and the packages that it names."
+    "Run this in an empty folder, or in Colab; the first cell installs servobench where it is "
+    "missing (in a checkout, before: `pip install '.[notebook]'`). Packages that the page names "
+    "have to be installed as well."
 )
 LONGEST = 1800
 """Longest time of a cell [s]; the longest cell of the tutorials trains for some minutes."""
@@ -42,9 +54,7 @@ def notebook(page: str) -> str:
         page: The tutorial in Markdown.
     """
     title, _, rest = page.partition("\n\n")
-    cells = list(_cells(f"{title}\n\n{BEGIN}\n\n{rest}"))
-    if any(str(cell["source"]).startswith(MAGIC["sh"]) for cell in cells):
-        cells.insert(1, _code(SETUP))
+    cells = [_text(f"{title}\n\n{BEGIN}"), _code(SETUP), *_cells(rest)]
     numbered = [cell | {"id": f"cell-{number}"} for number, cell in enumerate(cells)]
     whole = {
         "nbformat": 4,
@@ -109,3 +119,10 @@ def _code(source: str) -> Cell:
     """Return a cell of code that has not been run."""
     cell: Cell = {"cell_type": "code", "metadata": {}, "source": source.rstrip("\n")}
     return cell | {"execution_count": None, "outputs": []}
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:]:
+        page = Path(name)
+        made = notebook(page.read_text(encoding="utf-8"))
+        Path(f"{page.stem}.ipynb").write_text(made, encoding="utf-8")

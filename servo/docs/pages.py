@@ -4,6 +4,7 @@ of the benchmarks, and tutorials as notebooks.
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from importlib import resources
@@ -48,6 +49,8 @@ RATE = 8.0
 """Approximate frame rate of an animation [Hz]."""
 QUALITY = 55
 """Quality of the frames of an animation, from 0 to 100."""
+COLAB = "https://colab.research.google.com/github/{}/blob/notebooks/{}.ipynb"
+"""Address at which Colab opens a notebook of a public repository's branch `notebooks`."""
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
@@ -181,6 +184,9 @@ def _with_notebook(app: Sphinx, page: str, name: str) -> str:
     (folder / f"{name}.ipynb").write_text(text, encoding="utf-8")
     title, _, rest = page.partition("\n\n")
     link = f'<a href="../../notebooks/{name}.ipynb" download>Download this page as a notebook</a>'
+    repository = os.environ.get("GITHUB_REPOSITORY")  # set in GitHub's workflows only
+    if repository:
+        link += f' or <a href="{COLAB.format(repository, name)}">open it in Colab</a>'
     return f"{title}\n\n{link}\n\n{rest}"
 
 
