@@ -190,6 +190,7 @@ def test_threads_of_workers(threads, right):
 
 
 def test_numbers_on_a_page():
+    assert [words.shown(x) for x in (1.92e-14, -4.59e-17, 1.5e-12)] == ["0", "0", "1.5e-12"]
     told = [words.shown(x) for x in (99.96, 100.0, 100.4, 999_999.0, 1e6, -1e6, -123.4)]
     assert told == ["100", "100", "100", "999,999", "1e+06", "-1e+06", "-123"]
     assert words.cut("runs", [1, 2], 2) is None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib import colormaps
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgb
 
 from servo.report import charts
 from servo.report.charts import Curve, Scale, colour
@@ -41,7 +41,7 @@ def test_rounding_has_no_range_of_its_own(low, ends):
     assert figure.drawing.axes[0].get_ylim() == pytest.approx(ends)
     figure = charts.curves("t", Scale("x"), Scale("y", 0, log_from=5.0), [Curve("c", X, y - 3)])
     axes = figure.drawing.axes[0]
-    assert (axes.get_yscale(), axes.get_ylim()) == ("linear", pytest.approx((0, 0.5)))
+    assert (axes.get_yscale(), axes.get_ylim()) == ("linear", pytest.approx((-0.5, 0.5)))
 
 
 @pytest.mark.parametrize("deep", [30.0, 1e3, 1e9])
@@ -64,6 +64,21 @@ def test_a_heat_map_has_its_numbers(chart, options, request):
     values = np.array([[0.1, 0.5, np.nan], [0.9, 0.2, 8.0]])
     figure = charts.heat("t", "x", "y", ["p", "q", "r"], ["u", "v"], values, **options, note="n")
     chart(f"heat-{request.node.callspec.id}", figure)
+
+
+def test_numbers_in_a_heat_map_can_be_read():
+    values = np.linspace(0, 1, 12)[None]
+    (axes,) = charts.heat("t", "x", "y", list("abcdefghijkl"), ["u"], values).drawing.axes
+
+    def luminance(colour):
+        coded = np.array(to_rgb(colour))
+        linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+        return linear @ (0.2126, 0.7152, 0.0722)
+
+    for text, value in zip(axes.texts, values[0], strict=True):
+        pair = luminance(text.get_color()), luminance(colormaps["viridis"](value))
+        contrast = (max(pair) + 0.05) / (min(pair) + 0.05)
+        assert contrast > 4.5, value  # what WCAG 2.2 asks for (AA)
 
 
 @pytest.mark.parametrize("options", [{}, {"limits": (0.0, 1.0)}, {"log_from": 5.0}])

@@ -162,7 +162,26 @@ def test_distances_of_rounding_alone_are_drawn_as_none(scripted):
         at = table.schema.get_field_index(name)
         table = table.set_column(at, name, [1e-14 * np.arange(len(table))])
     axes = plots.error_figure(replace(whole, table=table), "title").axes
-    assert axes[1].get_ylim() == pytest.approx((0, 0.5))
+    assert axes[1].get_ylim() == pytest.approx((-0.5, 0.5))  # the line is inside, and seen
+
+
+def test_motions_that_are_always_zero_are_not_drawn(scripted):
+    steps, _, written = scripted
+    whole = RunCurves.of(pq.read_table(written.folder / "steps.parquet"), steps[0].scene.features)
+
+    def drawn_of(*at_rest):
+        table = whole.table
+        for name in at_rest:
+            for which in ("estimated", "true"):
+                at = table.schema.get_field_index(f"motion_{which}_{name}_m_s")
+                table = table.set_column(at, table.field(at).name, [1e-14 * np.arange(len(table))])
+        figure = plots.motion_figure(replace(whole, table=table), "title")
+        return [axes.get_ylabel() for axes in figure.axes]
+
+    xn, yn = "dxn/dt of the target [m/s]", "dyn/dt of the target [m/s]"
+    assert drawn_of() == [xn, yn]
+    assert drawn_of("xn") == [yn]
+    assert drawn_of("xn", "yn") == [xn]  # a figure is never empty
 
 
 @pytest.mark.newest

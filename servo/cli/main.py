@@ -436,7 +436,7 @@ def report() -> None:
     """Write an HTML page about folders of results.
 
     These are folders of run, evaluate, benchmark, papers, sweep and compare; the names loop-v1,
-    servo-v1 and goal-v1 stand for the published results of these benchmarks.
+    servo-v1, servo-v2 and goal-v1 stand for the published results of these benchmarks.
     """
 
 

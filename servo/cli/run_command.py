@@ -320,7 +320,7 @@ def _table_of(scenario: Scenario, record: Record) -> Table:
     for name, measure in MEASURES.items():
         bound = scenario.expect.get(name, "")
         limit = f"{bound:g}" if isinstance(bound, int | float) else bound
-        rows.append([name, f"{record.measures[name]:.3g}", limit, measure.meaning])
+        rows.append([name, shown(record.measures[name]), limit, measure.meaning])
     return Table(("measure", "value", "bound", "meaning"), rows, words=(0, 3))
 
 
@@ -330,9 +330,9 @@ def _bounds_line(scenario: Scenario, record: Record, features: int) -> str:
     it.
     """
     bounds = {n: b for n, b in scenario.expect.items() if isinstance(b, int | float)}
-    told = [f"{name} {record.measures[name]:.3g} (bound {of:g})" for name, of in bounds.items()]
+    told = [f"{name} {shown(record.measures[name])} (bound {of:g})" for name, of in bounds.items()]
     others = [*(() if bounds else TELLING), *pose_measures(features)]
-    told += [f"{name} {record.measures[name]:.3g}" for name in others if name not in bounds]
+    told += [f"{name} {shown(record.measures[name])}" for name in others if name not in bounds]
     return "  " + ", ".join(told)
 
 

@@ -32,8 +32,7 @@ def figure(curves: RunCurves, title: str) -> Drawing:
     true centre from the goal and from its estimate [px], and the target's own motion. Times are
     shaded at which the camera delivered no picture, or the tracker's status is not LOCKED.
     """
-    motions = map(curves.motion, curves.moving)
-    return _drawn(curves, title, [curves.errors(), curves.distances(), *motions])
+    return _drawn(curves, title, [curves.errors(), curves.distances(), *curves.motions()])
 
 
 def draw(curves: RunCurves, title: str, folder: Path) -> list[Path]:
@@ -53,10 +52,10 @@ def motion_figure(curves: RunCurves, title: str) -> Drawing:
     the image features (like figure 9 of Teuliere, Marchand, Eck).
 
     Each feature for which the feature set proposes feed-forward (or each feature, if it proposes
-    none) has a plot of its own with the measured, the estimated and the true rate.
+    none) has a plot of its own with the measured, the estimated and the true rate, unless the true
+    and the estimated rate are always zero.
     """
-    motions = [curves.motion(name) for name in curves.moving]
-    return _drawn(curves, f"{title}: the target's own motion", motions)
+    return _drawn(curves, f"{title}: the target's own motion", curves.motions())
 
 
 def error_figure(curves: RunCurves, title: str) -> Drawing:

@@ -24,6 +24,8 @@ LEAST = 0.02
 """Room above and below the curves, over their range; and the least range, in the feature's unit
 per second.
 """
+REST = 1e-9
+"""Largest rate of a feature of a target at rest, by rounding [the feature's unit per second]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,14 +84,6 @@ class RunCurves:
             ) from None
 
     @property
-    def moving(self) -> list[str]:
-        """Names of the features whose motion is drawn: those for which the feature set proposes
-        feed-forward (the setting `controller.feed_forward` does not count), or all if it proposes
-        none.
-        """
-        return [name for name in self.feed_forward or self.units if name in self.units]
-
-    @property
     def unsure(self) -> NDArray[np.bool_]:
         """Flags (n,): true where the camera delivered no picture (the frame was dropped) or the
         tracker was not LOCKED.
@@ -118,7 +112,19 @@ class RunCurves:
         }
         return Panel("Feature errors", "feature error s - s*", lines)
 
-    def motion(self, feature: str) -> Panel:
+    def motions(self) -> list[Panel]:
+        """Return plots of the target's own motion, one for each feature for which the feature set
+        proposes feed-forward (the setting `controller.feed_forward` does not count), or for each
+        feature if it proposes none.
+
+        Features whose true and estimated rates are zero are left out. If these are all, as for a
+        target at rest without an estimator, the first one is returned.
+        """
+        names = [name for name in self.feed_forward or self.units if name in self.units]
+        every = [self._motion(name) for name in names]
+        return [panel for panel in every if _moves(panel)] or every[:1]
+
+    def _motion(self, feature: str) -> Panel:
         """Return the plot of the rate of change of a feature that the target's own motion causes,
         in the feature's unit per second: measured, estimated and true.
 
@@ -142,3 +148,11 @@ class RunCurves:
         return Panel(
             title, f"d{feature}/dt of the target [{unit}/s]", lines, low - room, high + room
         )
+
+
+def _moves(panel: Panel) -> bool:
+    """Return True if a plot of the target's own motion has a true or estimated rate that is not
+    zero.
+    """
+    rates = np.concatenate([panel.lines["estimated"], panel.lines["true"]])
+    return bool((np.abs(rates) > REST).any())

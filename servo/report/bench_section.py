@@ -113,7 +113,7 @@ def trackers_table(trackers: Sequence[Rank]) -> Table:
         means = {title: t.means.get(name) for title, name in ranking.SHOWN.items()}
         cells = {title: _mean(mean, t.units) for title, mean in means.items()}
         cells[ranking.INTERVAL] = spread(means[ranking.INTERVAL])
-        end = [shown(t.against_best.z), shown(t.p)] if t.against_best else ["", ""]
+        end = [shown(t.against_best.z), f"{t.p:.3g}"] if t.against_best else ["", ""]
         rows.append([t.tracker, str(t.units), *cells.values(), *end])
     return Table(
         ("tracker", "n", *ranking.SHOWN, "z", "p"), rows, note=" ".join(ranking.LEGEND.split())

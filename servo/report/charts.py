@@ -41,8 +41,10 @@ MOST_NUMBERED_COLUMNS = 12
 """Most columns of a heat map with numbers in its cells."""
 WIDEST_NAMES = 45
 """Most characters in the names of all columns; longer names are turned."""
-DARK_BELOW = 0.6
-"""Share of the colour map below which numbers are white."""
+LUMINANCE = 0.2126, 0.7152, 0.0722
+"""Shares of linear red, green and blue in the relative luminance of a colour (WCAG 2.2)."""
+MIDDLE = 0.179
+"""Relative luminance on which white and black text have the same contrast, 4.6 to 1."""
 BAND_OPACITY = 0.18
 FAINT_OPACITY = 0.25
 THINNEST = 0.003
@@ -196,7 +198,7 @@ def heat(
     row_height = max(0.3, min(0.5, 3.0 / len(rows)))
     with _canvas(FRAME_HEIGHT + row_height * max(3, len(rows))) as (figure, axes):
         axes.grid(visible=False)
-        axes.pcolormesh(values, norm=norm, cmap="viridis")
+        cells = axes.pcolormesh(values, norm=norm, cmap="viridis")
         if len(columns) <= MOST_NUMBERED_COLUMNS:
             for (row, column), value in np.ndenumerate(values):
                 if np.isfinite(value):
@@ -207,7 +209,7 @@ def heat(
                         ha="center",
                         va="center",
                         fontsize=8,
-                        color="white" if norm(value) < DARK_BELOW else "black",
+                        color=_readable_on(cells.to_rgba(value)),
                     )
         angle = 60 if sum(map(len, columns)) > WIDEST_NAMES else 0
         axes.set_xticks(np.arange(len(columns)) + 0.5, columns, rotation=angle)
@@ -216,6 +218,16 @@ def heat(
         axes.spines[:].set_visible(False)
         axes.set(xlabel=x, ylabel=y)
         return Figure(title, svg(figure, title), note=note, drawing=figure)
+
+
+def _readable_on(cell: tuple[float, ...]) -> str:
+    """Return the colour of text, white or black, that has the higher contrast on the colour of a
+    cell: red, green, blue and opacity, 0 to 1.
+    """
+    coded = np.array(cell[:3])
+    # sRGB's curve (IEC 61966-2-1)
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    return "white" if linear @ LUMINANCE < MIDDLE else "black"
 
 
 def stacked(

@@ -109,7 +109,7 @@ def _figures(folder: Path, run: RunReport) -> list[Figure]:
     path = folder / TABLE
     read = RunCurves(_steps(path), run.features, run.feed_forward, str(path))
     time = read["time_s"]
-    shown = [read.distances(), read.errors(), *map(read.motion, read.moving)]
+    shown = [read.distances(), read.errors(), *read.motions()]
     note = SHADED if read.unsure.any() else ""
     return [
         curves(

@@ -12,6 +12,8 @@ if TYPE_CHECKING:  # short commands print tables, and need no NumPy
     from tracking.statistics.comparisons import Interval
 
 NOTHING = "\N{EN DASH}"
+ROUNDING = 1e-12
+"""Values below this are rounding errors of zero; no measure or setting is so small."""
 
 
 class Tone(Enum):
@@ -59,8 +61,8 @@ class Table:
 
 def shown(value: object) -> str:
     """Return a value as text: a float with three significant digits, or from 100 to a million as a
-    whole number with commas; a dash for None, nan and infinite values; yes or no for a bool; `str`
-    of anything else.
+    whole number with commas, and 0 if it is as near to 0 as rounding errors are; a dash for None,
+    nan and infinite values; yes or no for a bool; `str` of anything else.
     """
     if value is None:
         return NOTHING
@@ -70,6 +72,8 @@ def shown(value: object) -> str:
         return str(value)
     if not math.isfinite(value):
         return NOTHING
+    if abs(value) < ROUNDING:
+        return "0"
     return f"{value:,.0f}" if 100 <= abs(value) < 1e6 else f"{value:.3g}"
 
 

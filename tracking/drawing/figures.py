@@ -55,12 +55,13 @@ def panels(
 
 def hide_rounding(axes: Axes) -> None:
     """Show values that differ by rounding alone as equal: let the vertical axis reach half a unit
-    above them, and below them unless it has a lower end already.
+    above and below them, or farther down if it has a lower end already. So no line lies on an end
+    of the axis.
     """
     low, high = axes.dataLim.intervaly
     if 0 <= high - low < ROUNDING:
-        bottom = low - HALF if axes.get_autoscaley_on() else axes.get_ylim()[0]
-        axes.set_ylim(bottom, high + HALF)
+        end = low if axes.get_autoscaley_on() else axes.get_ylim()[0]
+        axes.set_ylim(min(low - HALF, end), high + HALF)
 
 
 def plain_logarithm(axis: Axis) -> None:
