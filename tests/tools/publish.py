@@ -13,7 +13,7 @@ import numpy as np
 from servo.bench.audit import errors_file
 from servo.bench.benchmark import NAMES, Band, load
 from servo.bench.row import Row, check_version, file_name, shipped_rows
-from servo.bench.score import standings
+from servo.bench.score import FEWEST_WORLDS, standings
 from servo.report.benchmark_section import (
     by_pictures,
     difficulty_of,
@@ -73,11 +73,13 @@ def _block(name: str, rendering: str, rows: list[Row], most: int | None) -> str:
 
 
 def by_target(name: str, rows: list[Row]) -> str:
-    """Return the table of points, and of shares of worlds held, by target."""
+    """Return the table of points, and of shares of worlds held, by target; "" if one has few worlds."""
     worlds = load(name).every_world(Band(rows[0].band, rows[0].value, rows[0].digest))
     keys: dict[str, list[str]] = {}
     for world in worlds:
         keys.setdefault(world.levels["target"], []).append(world.key)
+    if min(map(len, keys.values())) < FEWEST_WORLDS:
+        return ""
     lines = []
     for one in standings(rows):
         cells = [f"{one.name}{LIMITED if one.row.division == 'CLOSED' else ''}"]
@@ -138,4 +140,5 @@ if __name__ == "__main__":
     for page in PAGES:
         page.write_text(with_tables(page.read_text(), FEW if page == FIRST_PAGE else None))
     for one in NAMES:
-        picture(one)
+        if f"{one}.png" in PAGES[0].read_text():
+            picture(one)
