@@ -201,6 +201,29 @@ def test_any_edit_of_the_file_is_another_version(public):
     assert edited.hash != public.hash
 
 
+def test_each_condition_has_a_scale_of_its_own():
+    """In `easy` standing still has .6 and the truth 1, in `hard` .2 and .6: a point is .004 there."""
+
+    def of(name, *areas, benchmark="x"):
+        keys = ("easy-00", "easy-01", "hard-00", "hard-01")
+        worlds = {k: WorldScore(a, held=False) for k, a in zip(keys, areas, strict=True)}
+        return replace(row(name, []), worlds=worlds, benchmark=benchmark)
+
+    ends = [("still", 0.6, 0.6, 0.2, 0.2), ("truth", 1.0, 1.0, 0.6, 0.6)]
+    mine = ("mine", 0.9, 0.7, 0.6, 0.4)
+    [own] = standings([of(*each) for each in (*ends, mine)])
+    assert own.points == pytest.approx(
+        {"easy-00": 75, "easy-01": 25, "hard-00": 100, "hard-01": 50}
+    )
+    assert own.score.value == pytest.approx(62.5)
+    # Worlds are 25 points from their conditions' means: two degrees of freedom for four worlds.
+    [first] = standings([of(*each, benchmark="loop-v1") for each in (*ends, mine)])
+    assert first.score.value == pytest.approx(62.5)
+    stratified, whole = (s.score.high - s.score.low for s in (own, first))
+    deviations = [np.sqrt(4 * 25**2 / 2), np.std([75, 25, 100, 50], ddof=1)]
+    assert stratified / whole == pytest.approx(deviations[0] / deviations[1], rel=1e-6)
+
+
 def test_the_area_is_that_under_the_curve():
     errors = np.array([0.1, 0.4, 1.7, 3.0, np.inf])
     taus = np.linspace(0.0, 2.0, 200_001)

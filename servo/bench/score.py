@@ -11,9 +11,12 @@ from servo.bench.benchmark import World, condition_of
 from servo.bench.contestant import FROZEN, NULL, PERFECT
 from servo.bench.row import Row
 from servo.mistake import Mistake
+from servo.study.run import grouped_by
 from sim.types import Array
 from tracking.statistics.comparisons import Interval, holm, in_percent, mean_of
 
+ONE_SCALE = ("loop-v1",)
+"""Benchmarks whose points have one scale for all conditions; later ones have one for each."""
 SURE = 0.05
 """Largest p-value, after Holm's correction, of contestants with different ranks."""
 SHARE = (0.0, 1.0)
@@ -81,7 +84,8 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
 
     The points in a world are 100 (own - least) / (mean of top - mean of least). Here own, least and
     top are the results (0..1) of `row`, of `null`, whose camera stands still, and of `perfect` (1
-    without it) in the world. Means are over the worlds in which all of them have a result.
+    without it) in the world. Means are over the worlds of its condition in which all of them have a
+    result; in the first benchmark, loop-v1, over those of all conditions.
 
     Raises:
         Mistake: There is no world in which all of them have a result.
@@ -94,10 +98,37 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
             f"there is no world in which each of {all_of} has a result: run the benchmark again "
             "for these contestants"
         )
-    own, least = (np.array([of.worlds[key].area for key in worlds]) for of in (row, null))
-    top = [1.0 if perfect is None else perfect.worlds[key].area for key in worlds]
-    points = 100 * (own - least) / float(np.mean(top) - least.mean())
-    return dict(zip(worlds, points.tolist(), strict=True))
+    whole = row.benchmark in ONE_SCALE
+    groups = grouped_by(worlds, lambda key: "" if whole else condition_of(key))
+    found = dict[str, float]()
+    for keys in groups.values():
+        own, least = (np.array([of.worlds[key].area for key in keys]) for of in (row, null))
+        top = [1.0 if perfect is None else perfect.worlds[key].area for key in keys]
+        points = 100 * (own - least) / float(np.mean(top) - least.mean())
+        found |= dict(zip(keys, points.tolist(), strict=True))
+    return found
+
+
+def _score_of(points: Mapping[str, float], *, whole: bool, bounds: tuple[float, ...]) -> Interval:
+    """Return the mean of the points in all worlds, with its 95 % interval. Without bounds, as of
+    points that may be above 100, the interval is stratified: worlds vary within their conditions,
+    and the conditions are the same for everybody (Cochran, Sampling techniques, 1977, section 5.4).
+
+    Args:
+        points: Points by the name of a world.
+        whole: Whether the interval ignores the conditions.
+        bounds: Least and most possible points / 100.
+    """
+    values = np.array(list(points.values())) / 100
+    conditions = {condition_of(key) for key in points}
+    if not (whole or bounds) and len(points) > len(conditions):
+        groups = grouped_by(points, condition_of)
+        means = {name: np.mean([points[key] for key in keys]) for name, keys in groups.items()}
+        within = values - np.array([means[condition_of(key)] for key in points]) / 100
+        # Each condition's mean costs a degree of freedom.
+        freedom = (len(points) - 1) / (len(points) - len(conditions))
+        values = values.mean() + within * np.sqrt(freedom)
+    return in_percent(mean_of(values, *bounds))
 
 
 def standings(rows: Sequence[Row]) -> list[Standing]:
@@ -131,7 +162,9 @@ def standings(rows: Sequence[Row]) -> list[Standing]:
     return [
         Standing(
             row=compared[name],
-            score=in_percent(mean_of(np.array(list(points[name].values())) / 100, *bounds)),
+            score=_score_of(
+                points[name], whole=compared[name].benchmark in ONE_SCALE, bounds=bounds
+            ),
             held=mean_of(np.array([float(w.held) for w in compared[name].worlds.values()]), *SHARE),
             first=1 + sum((other, name) in better for other in order),
             last=len(order) - sum((name, other) in better for other in order),

@@ -12,7 +12,15 @@ import numpy as np
 from servo.bench.benchmark import Band, Benchmark, World, load
 from servo.bench.contestant import FROZEN, Division
 from servo.bench.row import TAUS, Row, rows_in, shipped_rows
-from servo.bench.score import Difficulty, Discrimination, Standing, by_size, effects, standings
+from servo.bench.score import (
+    ONE_SCALE,
+    Difficulty,
+    Discrimination,
+    Standing,
+    by_size,
+    effects,
+    standings,
+)
 from servo.bench.world_run import OVERLAP, WITHIN
 from servo.mistake import Mistake
 from servo.report.charts import Curve, Scale, curves, heat
@@ -363,10 +371,11 @@ def _conditions(benchmark: Benchmark, table: Sequence[Standing]) -> Figure:
     upwards = table[::-1]
     values = np.round([[s.mean_in(name) for name in names] for s in upwards])
     title = "Points by condition"
-    note = (
+    one_scale = (
         "In points of all worlds: where standing still costs less than elsewhere, there is less "
         "to win, and where it costs more, more than 100."
     )
+    note = one_scale if benchmark.name in ONE_SCALE else ""
     labels = [s.name for s in upwards]
     return heat(title, "", "", names, labels, values, limits=(0.0, 100.0), note=note)
 
