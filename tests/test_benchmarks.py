@@ -124,7 +124,8 @@ def test_every_world_of_a_draft_is_a_valid_scenario():
     for name in DRAFTS:
         draft = load(name)
         for world in draft.every_world(Band("dev")):
-            draft.scenario_of(world, draft.null)
+            scenario = draft.scenario_of(world, draft.null)
+            assert (scenario.run.seed, scenario.name) == (world.seed, world.key)
 
 
 def test_every_world_is_a_valid_scenario(public):
