@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -19,6 +18,7 @@ from servo.bench.row import Row, curve_of, slow_of
 from servo.bench.world_run import SLOW, WORLD
 from servo.bench.world_score import ERROR, WorldScore, score_errors, world_score
 from servo.mistake import Mistake
+from servo.study.record_file import parquet
 from servo.study.run import Record
 from sim.types import Array
 from tracking.files.json_text import as_json
@@ -56,19 +56,14 @@ def errors_parquet(records: Sequence[Record]) -> bytes:
         SLOW: [r.settings[SLOW] for r in records],
         ERROR: [np.asarray(r.series[ERROR], np.float32) for r in records],
     }
-    # Errors of successive pictures are alike in their first bytes: so the file is half as large.
-    split: Any = [f"{ERROR}.list.element"]  # PyArrow takes a flag or the names of columns
-    sink = pa.BufferOutputStream()
-    pq.write_table(
+    return parquet(
         pa.table(columns),
-        sink,
         compression="zstd",
         compression_level=19,
         use_dictionary=False,
-        use_byte_stream_split=split,
-        write_page_checksum=True,
+        # Errors of successive pictures are alike in their first bytes: the file is half as large.
+        use_byte_stream_split=[f"{ERROR}.list.element"],
     )
-    return sink.getvalue().to_pybytes()
 
 
 def read_errors(path: Path) -> Errors:

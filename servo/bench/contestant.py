@@ -264,7 +264,7 @@ def _check_tracker(settings: Settings) -> None:
     imported here, as it runs in a process of its own.
 
     Raises:
-        Mistake: It is told more, such as the truth.
+        Mistake: The tracker uses more than pictures, such as the truth.
     """
     kind = str(settings["tracker.kind"])
     if kind in TRACKERS.names() and not follows_any_target(TRACKERS.config(kind)):

@@ -94,8 +94,9 @@ class Shipped(click.ParamType[str]):
         param: click.Parameter,
         incomplete: str,
     ) -> list[CompletionItem]:
-        """Return completions for the shell: the shipped names that begin with the typed letters
-        (`incomplete`); if there is none, one that asks the shell to complete names of files.
+        """Return completions for the shell: the shipped names that begin with `incomplete`, the
+        letters typed so far. If no name begins so, return one completion that makes the shell
+        complete names of files.
         """
         found = [CompletionItem(name) for name in self._names() if name.startswith(incomplete)]
         return found or [CompletionItem(incomplete, type="file")]
@@ -308,8 +309,9 @@ class Command(click.Command):
 
 
 class Commands(click.Group):
-    """The click group of all commands of servobench. Its help lists them by purpose, and SIGINT
-    (Ctrl-C), SIGTERM and SIGHUP end each command in the same way.
+    """The command `servobench`, a group (of click) of all commands. Its help lists them by purpose,
+    and the signals SIGINT (Ctrl-C), SIGTERM and SIGHUP end each command in the same way: with one
+    sentence and the exit code 128 + the signal's number.
     """
 
     command_class = Command

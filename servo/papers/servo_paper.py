@@ -196,7 +196,7 @@ def _agreement(runs: list[Record]) -> Array:
 
 def agreement(estimated: Array, true: Array) -> float:
     """Return the share, from 0 to 1, of frames in which estimated and true velocity have the same
-    sign, among the frames with a true speed above 0.02 m/s; nan if there is none.
+    sign. Only frames with a true speed above 0.02 m/s count; without such frames it is nan.
 
     Args:
         estimated: Velocities (frames,) [m/s].

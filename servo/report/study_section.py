@@ -180,9 +180,11 @@ def _compared(study: StudyResults, columns: Sequence[str]) -> Block:
         *columns,
     )
     note = (
-        f"{UNITS} Outcomes are counts of runs, measures are medians over runs; '(2 of 9)': over "
-        "those that have the measure, as settle_s over the runs that settled. Runs that failed, or "
-        "are not finished ('6 of 10'), are in no share, median or comparison."
+        f"{UNITS} A run is a success if it ends with the outcome that its scenario expects "
+        "(expect.outcome), so that one of another outcome than CONVERGED can be a success, and a "
+        "converged one none. Outcomes are counts of runs, measures are medians over runs; '(2 of "
+        "9)': over those that have the measure, as settle_s over the runs that settled. Runs that "
+        "failed, or are not finished ('6 of 10'), are in no share, median or comparison."
     )
     tables = [Table(head, rows[: page.MOST_ROWS], note=note)]
     compared = study.plan.compare if study.plan.compare in study.axes else None

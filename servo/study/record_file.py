@@ -144,10 +144,15 @@ def rows_of(table: pa.Table) -> list[Row]:
     return [TableRow(table, column, place) for place in range(table.num_rows)]
 
 
-def parquet(table: pa.Table) -> bytes:
-    """Return an Arrow table as the bytes of a Parquet file, whose pages have checksums."""
+def parquet(table: pa.Table, **options: Any) -> bytes:
+    """Return an Arrow table as the bytes of a Parquet file, whose pages have checksums.
+
+    Args:
+        table: The table.
+        **options: Further arguments of PyArrow's `write_table`, such as `compression`.
+    """
     sink = pa.BufferOutputStream()
-    pq.write_table(table, sink, write_page_checksum=True)
+    pq.write_table(table, sink, write_page_checksum=True, **options)
     return sink.getvalue().to_pybytes()
 
 

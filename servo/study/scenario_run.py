@@ -186,8 +186,8 @@ class StudiedScenario:
         return _performed(job, scenario, _kept(frozenset(self.files.items())))
 
     def _own(self, settings: Table) -> Table:
-        """Return the settings of one run by dotted key. The name of a group of settings, a value of
-        an axis in [named], is replaced by the settings of this group.
+        """Return the settings of one run by dotted key. On an axis of the table [named], a value is
+        the name of a group of settings; these settings take its place.
         """
         found: Table = {}
         for key, value in settings.items():

@@ -236,12 +236,12 @@ def _check_motion(smooth: Smooth, path: Path) -> None:
 
 @dataclass(slots=True)
 class FilmClock:
-    """When a film begins, on the clock of a robot's log."""
+    """The time at which a film begins, on the clock of a robot's log."""
 
     begins: float
-    """Stamp of the first picture, on the log's clock as far as it is known [s]."""
+    """Stamp of the first picture [s], on the log's clock if `is_known`."""
     is_known: bool
-    """True if the film's stamps are on the clock of the log, to some offset."""
+    """True if the film has stamps of the log's clock, which may differ by a constant offset."""
 
 
 def film(

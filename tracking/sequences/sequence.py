@@ -112,8 +112,9 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
 
 
 def pictures_in(folder: Path) -> Path:
-    """Return the folder that has the pictures of a sequence's folder: itself if it has pictures,
-    else a folder in it such as "img", as in the layouts of OTB and VOT; itself if there is none.
+    """Return the folder with the pictures of a sequence. It is `folder` itself if this has
+    pictures; otherwise the folder in it with a name such as "img", as in the layouts of OTB and
+    VOT; and `folder` again if there is no such folder.
 
     Raises:
         ValueError: The folder cannot be read.

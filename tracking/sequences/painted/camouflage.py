@@ -35,9 +35,8 @@ SMOOTH = 8.0
 
 @dataclass(frozen=True, slots=True)
 class Config(texture.Config):
-    """Settings of a painted sequence of a car in the colours of the ground: those of `texture`;
-    whether the shades are of "one" colour bin or "spread" over several; and the number of patches
-    of gravel.
+    """Settings of a painted sequence in which a car has the colours of the ground: those of the
+    painted sequence `texture`, the range of the colours, and the number of patches of gravel.
     """
 
     colours: Literal["one", "spread"] = "one"

@@ -51,8 +51,9 @@ SWING = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a painted sequence: level of noise and clutter, of which h is the hardest; number
-    of pictures; and whether each disc in the background has all colours of the target.
+    """Settings of a painted sequence with noise and clutter: their level, from a (easiest) to h
+    (hardest), the number of pictures, and whether each disc in the background has all colours of
+    the target.
     """
 
     level: Literal["a", "b", "c", "d", "e", "f", "g", "h"] = "a"

@@ -42,10 +42,9 @@ GOING = 6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a painted sequence: numbers of all pictures, of those in which the target is
-    fully hidden, and of those in which it is out of the picture (`away`); its largest rotation from
-    the start [deg] and scale (`zoom`; the smallest is the inverse); and the standard deviation of
-    the pictures' noise [grey levels].
+    """Settings of a painted sequence whose target moves, turns and changes its size: how many
+    pictures there are, in how many of them the target is hidden or outside, how far it turns [deg],
+    its largest scale, and the noise of the pictures.
     """
 
     frames: Annotated[int, Ge(20), Le(100_000)] = 200

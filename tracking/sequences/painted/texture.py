@@ -32,9 +32,8 @@ fine, strong texture."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a painted sequence: number of pictures, largest scale of the car (`zoom`; its
-    smallest scale is the inverse), its largest speed [px per frame], and the standard deviation of
-    the pictures' noise [grey levels].
+    """Settings of a painted sequence of a textured car: how many pictures there are, the car's
+    largest scale, its largest speed [px per frame], and the noise of the pictures.
     """
 
     frames: Annotated[int, Ge(20), Le(100_000)] = 160
