@@ -107,10 +107,10 @@ class StillTag:
         def mount_at(x: Array) -> Mount:
             return replace(
                 first,
-                offset=first.offset + x[0],
+                offset=first.offset + float(x[0]),
                 rotation=first.rotation @ exp_so3(x[1:4]),
                 arm=first.arm + x[4:7],
-                focal=first.focal * np.exp(x[7]),
+                focal=first.focal * float(np.exp(x[7])),
             )
 
         def away(x: Array) -> Array:
