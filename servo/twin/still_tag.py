@@ -18,7 +18,7 @@ from servo.twin.offset import LEVEL
 from servo.twin.robot_motion import RobotMotion
 from servo.twin.tracks import Tracks
 from sim.geometry import exp_so3
-from sim.types import Array, Camera
+from sim.types import Array, Camera, Pose
 from tracking.search.tag_detector import TagDetector
 from tracking.sequences.sources import Picture
 
@@ -102,7 +102,10 @@ class StillTag:
         begin = camera_poses(motion, first, times[:FIRST] + first.offset)
         seen = self.corners / first.focal
         poses = [pose_of.of(one, at) for one, at in zip(seen[:FIRST], begin, strict=True)]
-        tag = next(at @ pose for at, pose in zip(begin[::-1], poses[::-1], strict=True) if pose)
+        ahead = begin[0] @ Pose(np.eye(3), np.array([0.0, 0.0, first.depth]))
+        # The last of them: of the two poses that fit, the later pictures choose the right one.
+        found = [at @ pose for at, pose in zip(begin, poses, strict=True) if pose is not None]
+        tag = [ahead, *found][-1]
 
         def mount_at(x: Array) -> Mount:
             return replace(
