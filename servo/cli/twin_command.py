@@ -336,7 +336,7 @@ def _others(
     the page's block about them.
 
     Raises:
-        Mistake: A tracker refuses the region, or fails.
+        Mistake: A tracker refuses the region, or fails; or nothing is known of the recorded run's.
     """
     target, start = region_of(region)
 
@@ -355,7 +355,11 @@ def _others(
     config = _own_tracker(base)
     own = None if config is None else tracked(f"that of {base}", config)
     states = recorded(table, given.log, begins + found[0].times)
-    answers = Answers(target, (own or found[0]).states if states is None else states, own, found)
+    if states is None and own is not None:
+        states = own.states
+    if states is None:
+        raise Mistake(f"{given.log}: {' and '.join(CENTRE)} have no numbers in the film's time")
+    answers = Answers(target, states, own, found)
     print_table(console, answers.table)
     plain(console, answers.sentence)
     drawing = PageImage.of("", answers.drawing().png(), "trackers", sheet=False)

@@ -64,7 +64,7 @@ class Tracked:
 def recorded(table: pa.Table, path: Path, times: Array) -> Array | None:
     """Return the target's states (n, 4) at some times (n,) on the log's clock [s] as the recorded
     run estimated them: x, y [px], theta [rad] and scale, nan where the log lacks theta or scale;
-    None if the log has no columns estimated_x_px and estimated_y_px.
+    None if the log has no columns estimated_x_px and estimated_y_px, or no numbers then.
     """
     if not set(CENTRE) <= set(table.column_names):
         return None
@@ -74,7 +74,8 @@ def recorded(table: pa.Table, path: Path, times: Array) -> Array | None:
         has = name in table.column_names
         values = numbers_in(table, name, path) if has else np.full(len(known), np.nan)
         columns.append(np.interp(times, known, values, np.nan, np.nan))
-    return np.stack(columns, axis=1)
+    states = np.stack(columns, axis=1)
+    return states if np.isfinite(states[:, :2]).all(axis=1).any() else None
 
 
 @dataclass(frozen=True, slots=True)

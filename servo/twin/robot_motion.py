@@ -46,19 +46,6 @@ class RobotMotion:
         )
         return Rotation.from_quat(turns), places
 
-    def between(self, begin: Array, end: Array) -> tuple[Array, Array]:
-        """Return how the hand moved between two times: rotations (k, 3, 3) and translations (k, 3)
-        [m], the pose of the hand at `end` in the frame of the hand at `begin`.
-
-        Args:
-            begin: The earlier times (k,) [s].
-            end: The later times (k,) [s].
-        """
-        turned, place = self.at(begin)
-        turned_later, place_later = self.at(end)
-        back = turned.transpose(0, 2, 1)
-        return back @ turned_later, np.einsum("kij,kj->ki", back, place_later - place)
-
     @property
     def inverse(self) -> "RobotMotion":
         """Return the motion of the base in the hand's frame."""

@@ -18,7 +18,7 @@ from servo.twin.offset import LEVEL
 from servo.twin.robot_motion import RobotMotion
 from servo.twin.tracks import Tracks
 from sim.geometry import exp_so3
-from sim.types import Array, Camera
+from sim.types import Array, Camera, Pose
 from tracking.search.tag_detector import TagDetector
 from tracking.sequences.sources import Picture
 
@@ -102,15 +102,18 @@ class StillTag:
         begin = camera_poses(motion, first, times[:FIRST] + first.offset)
         seen = self.corners / first.focal
         poses = [pose_of.of(one, at) for one, at in zip(seen[:FIRST], begin, strict=True)]
-        tag = next(at @ pose for at, pose in zip(begin[::-1], poses[::-1], strict=True) if pose)
+        ahead = begin[0] @ Pose(np.eye(3), np.array([0.0, 0.0, first.depth]))
+        # The last of them: of the two poses that fit, the later pictures choose the right one.
+        found = [at @ pose for at, pose in zip(begin, poses, strict=True) if pose is not None]
+        tag = [ahead, *found][-1]
 
         def mount_at(x: Array) -> Mount:
             return replace(
                 first,
-                offset=first.offset + x[0],
+                offset=first.offset + float(x[0]),
                 rotation=first.rotation @ exp_so3(x[1:4]),
                 arm=first.arm + x[4:7],
-                focal=first.focal * np.exp(x[7]),
+                focal=first.focal * float(np.exp(x[7])),
             )
 
         def away(x: Array) -> Array:
