@@ -209,7 +209,7 @@ def heat(
                         ha="center",
                         va="center",
                         fontsize=8,
-                        color=_readable_on(cells.to_rgba(value)),
+                        color=_readable_on(np.array(cells.cmap(norm(value)))),
                     )
         angle = 60 if sum(map(len, columns)) > WIDEST_NAMES else 0
         axes.set_xticks(np.arange(len(columns)) + 0.5, columns, rotation=angle)
@@ -220,11 +220,11 @@ def heat(
         return Figure(title, svg(figure, title), note=note, drawing=figure)
 
 
-def _readable_on(cell: tuple[float, ...]) -> str:
+def _readable_on(cell: Array) -> str:
     """Return the colour of text, white or black, that has the higher contrast on the colour of a
-    cell: red, green, blue and opacity, 0 to 1.
+    cell (4,): red, green, blue and opacity, 0 to 1.
     """
-    coded = np.array(cell[:3])
+    coded = cell[:3]
     # sRGB's curve (IEC 61966-2-1)
     linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
     return "white" if linear @ LUMINANCE < MIDDLE else "black"

@@ -95,12 +95,14 @@ class StillTag:
             film: The film, for the times of its pictures.
             first: The mount to begin with; its drift stays.
         """
+        timed = self.numbers < len(film.times)  # a stopped search may have seen it later
         middle = (film.times[0] + film.times[-1]) / 2
-        stamps = film.times[self.numbers]
+        stamps = film.times[self.numbers[timed]]
         times = stamps + first.drift * (stamps - middle)
         pose_of = CornersToPose((self.side, self.side))
         begin = camera_poses(motion, first, times[:FIRST] + first.offset)
-        seen = self.corners / first.focal
+        corners = self.corners[timed]
+        seen = corners / first.focal
         poses = [pose_of.of(one, at) for one, at in zip(seen[:FIRST], begin, strict=True)]
         ahead = begin[0] @ Pose(np.eye(3), np.array([0.0, 0.0, first.depth]))
         # The last of them: of the two poses that fit, the later pictures choose the right one.
@@ -124,7 +126,7 @@ class StillTag:
             from_hand = (corners - places[:, None]) @ turns
             rays = (from_hand - now.lever) @ now.rotation
             there = rays[..., :2] / rays[..., 2:] * now.focal
-            return film.focal * (there - self.corners).ravel()
+            return film.focal * (there - corners).ravel()
 
         fit = least_squares(away, np.zeros(15), loss="cauchy", f_scale=SCALE, x_scale="jac")
         left = away(fit.x)
