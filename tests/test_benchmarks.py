@@ -151,7 +151,7 @@ def test_a_changed_default_is_refused(public):
     ("name", "constant"),
     [
         ("loop-v1", "FARTHEST"),
-        ("loop-v1", "HELD_431612c0e06252b5"),
+        ("loop-v1", "HELD_SIZE"),
         ("loop-v1", "HELD_SHARE"),
         ("servo-v1", "ARRIVED_MM"),
         ("servo-v1", "ARRIVED_DEG"),
@@ -990,12 +990,16 @@ def test_a_row_without_a_world_of_the_others_is_a_sentence():
 def test_home_rows_are_grey_and_guests_are_named(public):
     rows = shipped_rows(public)
     table = benchmark_section.standings_table(public, rows)
-    guests = {"mil", "dlib", "kcf", "csrt"} if public.name == "loop-v1" else set()
+    guests = {
+        "loop-v1": {"mil", "dlib", "kcf", "csrt"},
+        "loop-v2": {"nano", "dlib", "kcf", "csrt"},
+        "loop-v2-size": {"nano"},
+    }.get(public.name, set())
     full = {of[0] for i, of in enumerate(table.rows) if i not in table.faint}
     assert full == (guests or {of[0] for of in table.rows})
     (section,) = [benchmark_section.published_section(public.name)]
     keys = {key.label for key in section.blocks[0].figures[0].keys}
-    numbers = {"servo-v1": 12, "servo-v2": 12, "goal-v1": 6}
+    numbers = {"servo-v1": 12, "servo-v2": 12, "goal-v1": 6, "loop-v2-all": 5}
     assert keys == {*guests, "still", "truth"} if guests else len(keys) == numbers[public.name]
 
 
