@@ -107,7 +107,7 @@ def numbers_of(command):
 NATURAL, COUNT, WORKERS = (0, 0, None), (None, 1, None), (2, 1, None)
 PORT, SPEED = (None, 1024, 65_534), (None, 0.01, 1000.0)
 OF_TWIN = {
-    "exposure_ms": (None, 0.0, 1000.0), "readout_ms": (None, 0.0, 1000.0),
+    "exposure_ms": (None, 0.0, 1000.0), "readout_ms": (None, 0.0, 1000.0), "tag_mm": (None, 1.0, 10000.0),
     "fov": (None, 1.0, 170.0), "along": (None, -10.0, 10.0), "rate": (30.0, 0.01, 10_000.0),
     "begins": (None, -1e10, 1e10),
 }  # fmt: skip

@@ -101,8 +101,8 @@ class StillTag:
         times = stamps + first.drift * (stamps - middle)
         pose_of = CornersToPose((self.side, self.side))
         begin = camera_poses(motion, first, times[:FIRST] + first.offset)
-        corners = self.corners[timed]
-        seen = corners / first.focal
+        found_at = self.corners[timed]
+        seen = found_at / first.focal
         poses = [pose_of.of(one, at) for one, at in zip(seen[:FIRST], begin, strict=True)]
         ahead = begin[0] @ Pose(np.eye(3), np.array([0.0, 0.0, first.depth]))
         # The last of them: of the two poses that fit, the later pictures choose the right one.
@@ -126,7 +126,7 @@ class StillTag:
             from_hand = (corners - places[:, None]) @ turns
             rays = (from_hand - now.lever) @ now.rotation
             there = rays[..., :2] / rays[..., 2:] * now.focal
-            return film.focal * (there - corners).ravel()
+            return film.focal * (there - found_at).ravel()
 
         fit = least_squares(away, np.zeros(15), loss="cauchy", f_scale=SCALE, x_scale="jac")
         left = away(fit.x)
