@@ -56,6 +56,8 @@ MEASURED = {
         ),
         "Does it predict anything?": (*SEQUENCES, *BENCH, "scenes/benchmarks/loop-v1.toml"),
         "loop-v1": (*BENCH, "scenes/benchmarks/loop-v1.toml"),
+        "loop-v2": (*BENCH, "scenes/benchmarks/loop-v2.toml"),
+        "Real pictures beside it": (*SEQUENCES, *BENCH, "scenes/benchmarks/loop-v2.toml"),
         "servo-v1": (*BENCH, "scenes/benchmarks/servo-v1.toml"),
         "servo-v2": (*BENCH, "scenes/benchmarks/servo-v2.toml"),
     },
