@@ -116,3 +116,13 @@ def test_a_command_ends_in_the_middle_of_its_imports(tmp_path, number, module):
     code, said = ended(command)
     assert (code, said) in [(128 + number, f"{STOPPED}\n"), (-number, "")]
     assert not [path for path in there.rglob("*") if path.is_file()]
+
+
+@pytest.mark.processes
+def test_a_signal_that_mujoco_loses_still_ends_the_command(tmp_path):
+    """Its C++ code imports this module, and drops whatever that raises."""
+    itself = TOLD.replace('open({file!r}, "w").close()', "os.kill(os.getpid(), signal.SIGINT)")
+    text = "import os\nimport signal\n" + itself.format(module="mujoco._callbacks")
+    (tmp_path / "sitecustomize.py").write_text(text)
+    path = os.environ | {"PYTHONPATH": str(tmp_path)}
+    assert ended(begin_afresh("run still --out out", tmp_path, path)) == (130, f"{STOPPED}\n")

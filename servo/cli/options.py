@@ -12,7 +12,7 @@ from typing import Any, NoReturn, TypeVar
 import click
 from click.shell_completion import CompletionItem
 
-from servo.cli.guard import ending_signals, stop
+from servo.cli.guard import StopSignal, ending_signals, stop
 from servo.mistake import Refused
 from servo.scenario import catalogue
 
@@ -302,6 +302,9 @@ class Command(click.Command):
         arguments (--exact becomes changes of settings); exit with the code that it returns, or 0.
         """
         module = import_module(f"servo.cli.{self.name}_command")
+        signals: list[StopSignal] = ctx.obj
+        if signals:  # MuJoCo's C++ code drops an exception that comes while it imports
+            raise signals[0]
         given = dict(ctx.params)
         if given.pop("exact", False):
             given["changes"] = (FINE, *given["changes"], EXACT)
@@ -333,6 +336,7 @@ class Commands(click.Group):
         SIGHUP) prints one sentence, and the program exits with 128 + the signal's number.
         """
         with ending_signals() as raised:
+            ctx.obj = raised
             try:
                 return super().invoke(ctx)
             except (Refused, OSError):

@@ -36,26 +36,31 @@ class Recorder:
 
     def __init__(self):
         self.running = ""
+        self.rows = []
         self.file = Path(os.environ["MUTANTS_TIMES"]).with_suffix(f".{os.getpid()}.jsonl").open("w")
 
     def switch(self, name):
         os.environ[TEST] = name
         coverage.Coverage.current().switch_context(name)
 
-    def write(self, **row):
-        self.file.write(json.dumps(row) + "\n")
+    def write(self):
+        """Between two tests: some let no file grow."""
+        self.file.writelines(json.dumps(row) + "\n" for row in self.rows)
         self.file.flush()
+        self.rows.clear()
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item):
         self.running = item.nodeid
         self.switch(item.nodeid)
         used = [d for found in item._fixtureinfo.name2fixturedefs.values() for d in found]
-        self.write(test=item.nodeid, shared=[name(d) for d in used if d.scope != "function"])
+        shared = [name(d) for d in used if d.scope != "function"]
+        self.rows.append({"test": item.nodeid, "shared": shared})
         try:
             return (yield)
         finally:
             self.switch("")
+            self.write()
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef):
@@ -69,7 +74,7 @@ class Recorder:
 
     def pytest_runtest_logreport(self, report):
         row = {"time": report.nodeid, "when": report.when, "seconds": report.duration}
-        self.write(**row, outcome=report.outcome)
+        self.rows.append(row | {"outcome": report.outcome})
 
     def pytest_sessionfinish(self):
         coverage.Coverage.current().save()
