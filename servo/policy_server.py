@@ -90,7 +90,7 @@ def _policy(law: object, kind: str) -> PolicyLaw:
     """Return a controller that was built, if it is a policy.
 
     Raises:
-        ValueError: It is none.
+        ValueError: The controller is not a policy.
     """
     if isinstance(law, PolicyLaw):
         return law
@@ -109,7 +109,9 @@ def _camera(asked: Mapping[str, Any]) -> Camera:
 
 
 def _posture(words: Mapping[str, Any]) -> Posture:
-    """Return the posture in the line before a picture; a joint limit of null is none."""
+    """Return the posture in the line before a picture; null stands for a joint without a
+    limit.
+    """
     given = {name: np.array(value, float) for name, value in words.items()}
     return Posture(
         Pose(given["rotation"], given["translation"]),

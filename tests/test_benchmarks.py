@@ -17,8 +17,9 @@ from publish import FEW, FIRST_PAGE, PAGES, with_tables
 
 from servo.bench import audit
 from servo.bench import benchmark as benchmarks
-from servo.bench.benchmark import NAMES, Band, World, condition_of, load
+from servo.bench.benchmark import Band, World, condition_of, load
 from servo.bench.contestant import Contestant, Division, contestants, scale_of
+from servo.bench.names import NAMES
 from servo.bench.row import (
     TAUS,
     Row,

@@ -13,6 +13,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from servo.bench.names import NAMES
 from servo.mistake import Mistake, check_rules, unknown
 from servo.scenario import toml
 from servo.scenario.catalogue import sentence
@@ -23,16 +24,6 @@ from sim.types import Array
 from tracking.files.json_text import as_json
 
 FOLDER = "benchmarks"
-NAMES = (
-    "loop-v2",
-    "loop-v2-size",
-    "loop-v2-all",
-    "servo-v2",
-    "goal-v1",
-    "loop-v1",
-    "servo-v1",
-)
-"""Public benchmarks, the newest first. One without a JSON file of frozen settings is a draft."""
 HASH_DIGITS = 16
 """Of a SHA-256: 64 bits, so that no two editions of a benchmark share them."""
 SEVERITY = "severity"

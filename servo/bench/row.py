@@ -179,7 +179,7 @@ def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> 
 
 def _open_loop(records: Sequence[Record]) -> dict[str, float | None]:
     """Return the means of a tracker's measures over the runs in which it also got the pictures of a
-    camera that it did not steer; empty if there are none.
+    camera that it did not steer; an empty dictionary if there are no such runs.
     """
     watched = [r for r in records if OVERLAP in r.measures]
     return {
@@ -204,7 +204,7 @@ def _measures(records: Sequence[Record]) -> dict[str, float | None]:
 
 def shipped_rows(benchmark: Benchmark) -> list[Row]:
     """Return the published results that come with servobench for this version of a benchmark, one
-    for each contestant; empty if there are none.
+    for each contestant; an empty list if no results come with it.
     """
     folder = resources.files("scenes") / FOLDER / "rows" / benchmark.name
     with resources.as_file(folder) as path:

@@ -39,6 +39,8 @@ OVERLAP = "open_loop_iou"
 WITHIN = "open_loop_within_pct"
 """Measures of a tracker that does not steer the camera: overlap, and share of pictures [%] in which
 its centre is near the true one."""
+NEAR = 0.5
+"""Largest distance of a tracker's centre from the true one that counts as near [target sizes]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +134,7 @@ class WorldRun:
         sizes = np.sqrt([area(corners) for corners in true])
         return {
             OVERLAP: float(turned_overlaps(np.stack(found), np.stack(true)).mean()),
-            WITHIN: 100 * float(np.mean(off <= sizes / 2)),
+            WITHIN: 100 * float(np.mean(off <= NEAR * sizes)),
         }
 
 
@@ -150,9 +152,8 @@ def errors_of(run: Columns, frames: int, what: WhatError) -> Array:
             depth's error abs(ln(Z/Z*)) over 0.2; "all": the largest of these and of the error of
             the target's angle over 15 degrees.
     """
-    x, y = run.first.truth.corners.T
-    area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
-    metres = np.sqrt(area) / run.first.truth.size
+    truth = run.first.truth
+    metres = np.sqrt(area(truth.corners)) / truth.size
     parts = [run["servo"] / (metres * run["goal_size"])]
     if what != "centre":
         # The size in the picture is inversely proportional to the depth.

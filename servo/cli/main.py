@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from servo.bench.names import NAMES
 from servo.cli import options as opt
 from servo.cli.guard import guarded
 from sim.ranges import LONGEST
@@ -166,17 +167,7 @@ def evaluate() -> None:
 @app.command()
 @click.argument(
     "name",
-    type=click.Choice(
-        [
-            "loop-v2",
-            "loop-v2-size",
-            "loop-v2-all",
-            "servo-v2",
-            "goal-v1",
-            "loop-v1",
-            "servo-v1",
-        ]
-    ),
+    type=click.Choice(NAMES),
     help="The benchmark.",
 )
 @click.option(

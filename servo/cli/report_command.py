@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from servo.bench.benchmark import NAMES
+from servo.bench.names import NAMES
 from servo.cli.outputs import check_place
 from servo.cli.sweep_command import measures_of
 from servo.mistake import Mistake, writing

@@ -20,7 +20,7 @@ from sphinx.util.display import status_iterator
 from sphinx.util.logging import getLogger
 
 import servo
-from servo.bench.benchmark import NAMES
+from servo.bench.names import NAMES
 from servo.cli.list_command import FOLDERS, settings_rows
 from servo.loop.measure import MEASURES
 from servo.report.benchmark_section import published_section

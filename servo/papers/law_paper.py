@@ -8,7 +8,7 @@ approaches to visual servo control, 2002, and with position-based servoing, 2003
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -77,11 +77,11 @@ def _left(records: Sequence[Record]) -> Array:
     return (column(records, "out_of_view_pct") > 0).astype(float)
 
 
-def _retreat(evidence: Evidence) -> Verdict:
-    """Return the verdict on the camera's retreat from the target [m] with image points, less the
-    retreat with polar coordinates.
+def _retreat(laws: Sequence[str], evidence: Evidence) -> Verdict:
+    """Return the verdict on the camera's retreat from the target [m] with the first law (image
+    points), less the retreat with the second one (polar coordinates).
     """
-    runs = _runs(evidence, (POINTS, POLAR))
+    runs = _runs(evidence, laws)
     found = {law: mean_of(column(of, "retreat_m")) for law, of in runs.items()}
     own, other = (column(of, "retreat_m") for of in runs.values())
     gap = mean_of(own - other)
@@ -156,33 +156,50 @@ def _verdict(
     )
 
 
-def _claim(
-    name: str,
-    says: str,
-    measure: str,
-    condition: str,
-    margin: str,
-    holds: str,
-    laws: Sequence[str],
-    judge: Callable[[Evidence], Verdict],
-    where: str = FIRST,
-) -> Claim:
-    """Return a claim about two control laws in worlds (random scenarios) of a condition of a
-    benchmark (`where`); the texts are those of `Claim` and `Rule`.
+@dataclass(frozen=True, slots=True)
+class _Comparison:
+    """A claim about two control laws in worlds (random scenarios) of a condition; the texts are
+    those of `Claim` and `Rule`.
     """
-    rule = Rule(
-        measure,
-        ERRORS[where],
-        f"{load(where).worlds} worlds of `{condition}`, sealed with the first seed ({FRESH})",
-        margin,
-        "95 % interval over worlds",
-        holds,
-    )
-    return Claim(name, says, rule, judge, partial(_jobs, where, condition, laws))
+
+    name: str
+    says: str
+    measure: str
+    condition: str
+    margin: str
+    holds: str
+    laws: tuple[str, str]
+    judge: Callable[[Sequence[str], Evidence], Verdict]
+    """Function of the names of the two laws and of the results."""
+    again: bool = False
+    """True if the claim is also judged in worlds with a wrong camera model and late commands."""
+
+    def claim(self) -> Claim:
+        """Return the claim in worlds of the first benchmark of laws, servo-v1."""
+        return self._in(FIRST, self.name, self.says)
+
+    def harder(self) -> Claim:
+        """Return the same claim, by the same rule, in worlds of servo-v2."""
+        says = f"with a wrong model of the camera and late commands: {self.says}"
+        return self._in(HARDER, f"{self.name}b", says)
+
+    def _in(self, where: str, name: str, says: str) -> Claim:
+        """Return the claim in worlds of a benchmark, under a name of its own."""
+        rule = Rule(
+            self.measure,
+            ERRORS[where],
+            f"{load(where).worlds} worlds of `{self.condition}`, sealed with the first seed "
+            f"({FRESH})",
+            self.margin,
+            "95 % interval over worlds",
+            self.holds,
+        )
+        judge = partial(self.judge, self.laws)
+        return Claim(name, says, rule, judge, partial(_jobs, where, self.condition, self.laws))
 
 
-IN_FIRST = (
-    _claim(
+COMPARISONS = (
+    _Comparison(
         "P3-1",
         "a turn about the optical axis drives the camera away with image points (Chaumette, 1998)",
         "largest distance beyond start and goal, less that with polar coordinates",
@@ -191,8 +208,9 @@ IN_FIRST = (
         f"above {RETREAT:g} m",
         (POINTS, POLAR),
         _retreat,
+        again=True,
     ),
-    _claim(
+    _Comparison(
         "P3-2",
         "large turns fail with image points and not where the turn has a feature of its own "
         "(Gans, Hutchinson, Corke, 2003)",
@@ -201,9 +219,10 @@ IN_FIRST = (
         f"{MORE:g} %",
         f"above {MORE:g} %",
         (POLAR, POINTS),
-        partial(_compared, _arrived, lambda gap: greater(gap, MORE), "arrived", (POLAR, POINTS)),
+        partial(_compared, _arrived, lambda gap: greater(gap, MORE), "arrived"),
+        again=True,
     ),
-    _claim(
+    _Comparison(
         "P3-3",
         "along the optical axis image points do as well as the pose (Gans, Hutchinson, Corke)",
         "worlds reached with the pose, less those with image points",
@@ -211,9 +230,9 @@ IN_FIRST = (
         f"{ALIKE:g} %",
         f"below {ALIKE:g} %",
         (POSE, POINTS),
-        partial(_compared, _arrived, lambda gap: not_worse(gap, ALIKE), "arrived", (POSE, POINTS)),
+        partial(_compared, _arrived, lambda gap: not_worse(gap, ALIKE), "arrived"),
     ),
-    _claim(
+    _Comparison(
         "P3-4",
         "servoing on the pose loses the target from its picture, where servoing on its centre and "
         "the pose of the target does not (Chaumette, 1998)",
@@ -222,9 +241,10 @@ IN_FIRST = (
         "0",
         "above 0",
         (POSE, CENTRED),
-        partial(_compared, _left, lambda gap: greater(gap, 0.0), "left", (POSE, CENTRED)),
+        partial(_compared, _left, lambda gap: greater(gap, 0.0), "left"),
+        again=True,
     ),
-    _claim(
+    _Comparison(
         "P3-5",
         "partitioning costs nothing where image points do well: a turn about an axis in the "
         "picture (Gans, Corke, Hutchinson, 2002)",
@@ -233,15 +253,9 @@ IN_FIRST = (
         f"{ALIKE:g} %",
         f"below {ALIKE:g} %",
         (POINTS, PARTITIONED),
-        partial(
-            _compared,
-            _arrived,
-            lambda gap: not_worse(gap, ALIKE),
-            "arrived",
-            (POINTS, PARTITIONED),
-        ),
+        partial(_compared, _arrived, lambda gap: not_worse(gap, ALIKE), "arrived"),
     ),
-    _claim(
+    _Comparison(
         "P3-6",
         "a partitioned law manages general motions at which image points fail (Gans, Corke, "
         "Hutchinson, 2002)",
@@ -250,39 +264,11 @@ IN_FIRST = (
         f"{MORE:g} %",
         f"above {MORE:g} %",
         (PARTITIONED, POINTS),
-        partial(
-            _compared,
-            _arrived,
-            lambda gap: greater(gap, MORE),
-            "arrived",
-            (PARTITIONED, POINTS),
-        ),
+        partial(_compared, _arrived, lambda gap: greater(gap, MORE), "arrived"),
+        again=True,
     ),
 )
-
-
-def _with_errors(claim: Claim, condition: str, laws: Sequence[str]) -> Claim:
-    """Return the same claim, by the same rule, in worlds of servo-v2."""
-    says = f"with a wrong model of the camera and late commands: {claim.says}"
-    rule = claim.rule
-    return _claim(
-        f"{claim.name}b",
-        says,
-        rule.measure,
-        condition,
-        rule.margin,
-        rule.holds,
-        laws,
-        claim.judge,
-        HARDER,
-    )
-
-
-_BY_NAME = {claim.name: claim for claim in IN_FIRST}
 CLAIMS = (
-    *IN_FIRST,
-    _with_errors(_BY_NAME["P3-1"], "turn", (POINTS, POLAR)),
-    _with_errors(_BY_NAME["P3-2"], "turn", (POLAR, POINTS)),
-    _with_errors(_BY_NAME["P3-4"], "general", (POSE, CENTRED)),
-    _with_errors(_BY_NAME["P3-6"], "general", (PARTITIONED, POINTS)),
+    *(one.claim() for one in COMPARISONS),
+    *(one.harder() for one in COMPARISONS if one.again),
 )

@@ -30,10 +30,12 @@ SCALE = "estimated_scale"
 LONG = 0.5
 """Time over which differences are averaged: that of a usual gain [s]."""
 USUAL = 0.95
+"""Share of the pictures in which the displacement by the recorded run's own tracker is at most what
+counts as noise."""
 LOUD = 2.0
+"""The pictures count as the same up to so many times the noise."""
 SMALL, FAR = 0.1, 0.5
-"""The pictures count as the same up to twice the noise, which is the displacement by the recorded
-run's own tracker in 95 % of the pictures; but from a tenth to a half of the target's size."""
+"""But they always count as the same below, and never above, these displacements [target sizes]."""
 
 
 @dataclass(frozen=True, slots=True)

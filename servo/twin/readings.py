@@ -78,7 +78,7 @@ def log_table(
                 units = dict(zip(robot.names, robot.units, strict=True))
         return bag_table(path, units, motion, commands)
     if motion or commands:
-        raise Mistake(f"{path}: --motion and --commands are topics of a bag, and this is none")
+        raise Mistake(f"{path}: --motion and --commands are topics of a bag, and this is not a bag")
     return table_in(path / TABLE if path.is_dir() else path)
 
 
