@@ -3,6 +3,7 @@
 import itertools
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -111,3 +112,15 @@ def test_errors_are_those_that_the_tracker_states(tracker, least):
 def test_nothing_is_said_where_all_is_certain():
     steps = list(servo.run(servo.load("still", ["run.duration=0.3"])))
     assert remarks_on_tracker(Columns.of(steps)) == ""
+
+
+def test_centres_that_are_too_uncertain_are_counted():
+    steps = list(servo.run(servo.load("still", ["run.duration=0.7"])))
+    wide = np.diag([200.0**2, 0.1, 0.0, 0.0])
+    for k in (3, 5, 6):
+        steps[k] = replace(steps[k], estimate=replace(steps[k].estimate, covariance=wide))
+    seen = sum(step.estimate.status == Status.LOCKED for step in steps if step.decided)
+    assert remarks_on_tracker(Columns.of(steps)) == (
+        f"Of {seen} pictures in which the tracker saw the target, it stated 3 centres too "
+        "uncertainly to be servoed"
+    )

@@ -18,6 +18,7 @@ from sim.camera.camera import CameraConfig
 from sim.camera.depth_sensor import DepthSensor
 from sim.camera.distortion import Distortion
 from sim.camera.lens import Lens
+from sim.channels import Channel, View
 from sim.types import Camera
 from tracking.drawing.picture_bytes import encoded_depth
 
@@ -220,3 +221,18 @@ def test_an_environment_tells_the_depth_picture() -> None:
         assert ("depth" in info) == has_one
         assert not has_one or info["depth"].shape == (240, 320)
         env.close()
+
+
+def test_a_part_sees_what_it_needs_and_nothing_else() -> None:
+    step = first()
+    given = {"truth": step.truth, "true_motion": np.zeros(4), "seen": True}
+    names = {
+        Channel.PICTURE: "picture",
+        Channel.DEPTH: "depth",
+        Channel.TRUTH: "truth",
+        Channel.TRUE_MOTION: "true_motion",
+        Channel.SEEN: "seen",
+    }
+    for channel, name in names.items():
+        view = View.of(step.frame, frozenset({channel}), **given)
+        assert [n for n in names.values() if getattr(view, n) is not None] == [name]

@@ -19,6 +19,7 @@ from servo.scenario.load import load
 from sim.camera import gl
 from sim.camera.camera import CameraConfig
 from sim.camera.choice import renderer_of
+from sim.camera.exact.raster import is_outside
 from sim.camera.exact.renderer import ExactRenderer
 from sim.camera.lens import Lens
 from sim.camera.renderer import OpenGLRenderer
@@ -244,3 +245,25 @@ def test_a_lamp_lights_a_face_by_its_distance_angle_and_cone(light, facing, stre
     image = ExactRenderer(model, "eye", view).begin(data)()
     shown = 255 * strength * (0.1 + facing * np.array([0.6, 0.4, 0.2])) * (1, 1, 0.5)
     np.testing.assert_allclose(image[45:50, 50:55], np.tile(shown, (5, 5, 1)), atol=1)
+
+
+@pytest.mark.parametrize(
+    ("middle", "outside"),
+    [
+        ((0.0, 0.0, 1.0), False),
+        ((0.0, 0.0, -0.09), False),  # the ball reaches through the camera
+        ((0.0, 0.0, -0.11), True),
+        # Each side is at 45 degrees to the optical axis: 0.1 from it is 0.1414 beside the corner.
+        ((1.14, 0.0, 1.0), False),
+        ((1.15, 0.0, 1.0), True),
+        ((-1.14, 0.0, 1.0), False),
+        ((-1.15, 0.0, 1.0), True),
+        ((0.0, 1.14, 1.0), False),
+        ((0.0, 1.15, 1.0), True),
+        ((0.0, -1.14, 1.0), False),
+        ((0.0, -1.15, 1.0), True),
+    ],
+)
+def test_a_ball_beyond_a_side_of_the_picture_is_not_drawn(middle, outside):
+    view = np.array([100.0, 100.0, 100.0, 100.0])
+    assert is_outside(np.array(middle), 0.1, view, 200, 200) == outside

@@ -182,3 +182,21 @@ def test_settings_of_dask_that_are_broken_are_named(tmp_path):
     assert ended.returncode == 2
     assert ended.stderr.startswith(begin)
     assert ended.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("error", "kept"),
+    [
+        (OSError(28, "No space left on device"), 28),
+        (BrokenPipeError(32, "Broken pipe"), None),
+        (ValueError("I/O operation on closed file"), None),
+    ],
+)
+def test_a_printer_keeps_the_error_of_a_stream_that_refuses(error, kept):
+    class Refusing(io.StringIO):
+        def write(self, _):
+            raise error
+
+    printer = Printer(Refusing())
+    printer.write("one")
+    assert getattr(printer.refused, "errno", None) == kept

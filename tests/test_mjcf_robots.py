@@ -18,7 +18,7 @@ from servo.scenario.load import load
 from sim.camera.camera import CameraConfig, camera_of
 from sim.geometry import mount_pose
 from sim.kinematics import drives
-from sim.kinematics.inverse_kinematics import reach
+from sim.kinematics.inverse_kinematics import comfort, reach
 from sim.kinematics.model import FARTHEST
 from sim.kinematics.robot import STOP_MARGIN, Inversion
 from sim.mounting import CAMERA
@@ -355,3 +355,29 @@ def test_a_mesh_of_a_package_without_a_package_xml_is_found_in_a_folder_above(tm
     (tmp_path / "arms/models/one/arm.urdf").write_text(urdf)
     robot, _, _ = built(model=str(tmp_path / "arms/models/one/arm.urdf"))
     assert robot.model.nmesh > 0
+
+
+def test_a_posture_with_a_link_before_the_camera_or_below_the_table_is_a_hundredth(tmp_path):
+    (tmp_path / "arm.urdf").write_text(urdf_arm())
+    robot, _, data = built(model=str(tmp_path / "arm.urdf"), base=BASE)
+    rng = np.random.default_rng(2)
+    counted = {"near": 0, "far": 0, "below": 0, "free": 0}
+    for _ in range(200):
+        data.qpos[:] = rng.uniform(-3, 3, 6)
+        mujoco.mj_forward(robot.model, data)
+        room = min(1.0, 6.28 - abs(data.qpos).max())
+        whole = room * np.linalg.svd(robot.jacobian(data), compute_uv=False)[-1]
+        links = [data.xpos[robot.model.jnt_bodyid[joint]] for joint in range(6)]
+        eye = robot.camera(data)
+        seen = (links - eye.translation) @ eye.rotation
+        depths = [z for x, y, z in seen if z > 0 and np.hypot(x, y) < 0.7 * z]
+        if min(links, key=lambda link: link[2])[2] < 0:
+            why = "below"
+        elif depths:
+            why = "near" if max(depths) < 1.0 else "far"
+        else:
+            why = "free"
+        counted[why] += 1
+        expected = whole * (1.0 if why == "free" else 0.01)
+        assert comfort(robot, data) == pytest.approx(expected, rel=1e-6, abs=1e-12)
+    assert min(counted[why] for why in ("near", "below", "free")) > 10

@@ -67,3 +67,6 @@ def test_named_groups_are_axes_and_their_page_draws_the_ways(tmp_path, monkeypat
     axes = study_paths.paths(replace(found, rows=rows))[0].drawing.axes[::2]
     assert [ax.get_zlim()[1] for ax in axes] == pytest.approx([1.1 * 51.1, 1.21], abs=0.15)
     assert axes[0].get_zlabel() == "-z [m]"
+    # The target is a square of 0.2 m below the path.
+    square = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1]]
+    np.testing.assert_allclose(np.transpose(axes[0].lines[1].get_data_3d()[:2]), square)

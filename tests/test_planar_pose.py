@@ -128,3 +128,13 @@ def test_a_target_that_is_faced_exactly_has_a_pose_at_every_turn():
         assert found is not None
         np.testing.assert_allclose(found.rotation, pose.rotation, atol=1e-6)
         np.testing.assert_allclose(found.translation, pose.translation, atol=1e-6)
+
+
+@pytest.mark.parametrize(("distance", "tilt"), [(2.5, 51.6), (3.1, 1.5)])
+def test_without_a_pose_before_a_tilt_costs_its_square_in_units_of_30_degrees(distance, tilt):
+    """51.6 degrees cost 3.0, and the other pose misses the corners for 3.5 and 2.3."""
+    place = np.array([0.5, 0.0, 1.0]) * distance
+    true = Pose(exp_so3(np.array([0.0, np.radians(51.6), 0.0])), place)
+    points = true.apply(UNIT * 0.1)
+    found = planar_pose(points[:, :2] / points[:, 2:], (0.1, 0.1))
+    assert np.degrees(np.arccos(found.rotation[2, 2])) == pytest.approx(tilt, abs=0.5)

@@ -4,7 +4,7 @@ Everything was tried against itself and against rosbags' serializer, not against
 """
 
 import dataclasses
-import importlib
+import importlib.util
 import json
 import os
 import re
@@ -433,3 +433,11 @@ def test_the_missing_extra_is_named(monkeypatch):
         Mistake, match=r"^ROS 2 needs the extra 'ros2': pip install 'servobench\[ros2\]'$"
     ):
         importlib.reload(sys.modules["servo.ros2"])
+
+
+@pytest.mark.parametrize("missing", ["cyclonedds", "rosbags"])
+def test_without_one_of_its_packages_the_extra_is_named(monkeypatch, missing):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == missing else name)
+    with pytest.raises(Mistake) as told:
+        importlib.reload(servo.ros2)
+    assert str(told.value) == "ROS 2 needs the extra 'ros2': pip install 'servobench[ros2]'"

@@ -131,6 +131,7 @@ def test_pictures_arrive_late_and_in_order():
         real = episode.running.track
         episode.running.track = lambda f, p: shown.append(f.index) or real(f, p)
         steps = list(episode)
+        assert not episode._timeline.is_known_ahead
     assert shown == sorted(set(shown))
     ages = np.array([s.age for s in decided(steps)])
     assert 0.02 < ages.mean() < 0.05

@@ -1,5 +1,6 @@
 """A tag that stands still in a film: focal length and lever along the optical axis together."""
 
+import cv2
 import numpy as np
 import pytest
 from hidden_robot import CAMERA, Film, Robot
@@ -89,3 +90,19 @@ def test_a_tag_is_looked_for_in_each_third_picture_that_can_be_decoded():
     pictures = [Picture("a", 0.0, None), *(Picture(str(k), k / 30, grey) for k in range(7))]
     assert list(seen.watching(pictures)) == pictures
     assert seen.numbers == []
+
+
+def test_a_tag_that_was_seen_is_looked_for_where_it_was_last():
+    tag = cv2.aruco.generateImageMarker(
+        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), 7, 40
+    )
+    seen = TagSightings()
+    pictures = []
+    for k in range(8):
+        image = np.full((120, 240, 3), 255, np.uint8)
+        image[40:80, 20 + 20 * k : 60 + 20 * k] = tag[..., None]
+        image[40:80, 190:230] = tag[..., None]  # the same tag again, beside the first one's path
+        pictures.append(Picture(str(k), k / 30, image))
+    list(seen.watching(pictures))
+    assert seen.numbers == [0, 3, 6]
+    assert [round(c[:, 0].min()) for c in seen.corners] == [20, 80, 140]

@@ -205,7 +205,7 @@ class Sleeping(Moving):
 
     def update(self, image):
         if self.count == 2:
-            time.sleep(60)
+            time.sleep(20)
         return super().update(image)
 
 
@@ -213,14 +213,14 @@ class Loading(Moving):
     """Never ends loading."""
 
     def __init__(self):
-        time.sleep(60)
+        time.sleep(20)
 
 
 class Learning(Moving):
     """Never ends learning the target."""
 
     def init(self, image, rect):
-        time.sleep(60)
+        time.sleep(20)
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ class WrongSetting(Mistake):
 
 
 @functools.cache  # building one takes longer than a hundred uses
-def form(config: type[Any], *, described: bool = False) -> type[BaseModel]:
+def form(config: type[Any], *, described: bool) -> type[BaseModel]:
     """Return the pydantic model that checks TOML tables for a dataclass of settings. It is cached.
 
     Args:
@@ -98,7 +98,9 @@ def fill(config: type[Config], table: object, place: str, begin: Config | None =
     begin = config() if begin is None else begin
     if table == {}:
         return begin
-    return _changed(begin, validated(form(config), _values(table), f"{place}."), place)
+    return _changed(
+        begin, validated(form(config, described=False), _values(table), f"{place}."), place
+    )
 
 
 def validated(model: type[Model], table: object, prefix: str) -> Model:
@@ -229,7 +231,7 @@ def fill_plugin(
     kind = kind if isinstance(kind, str) else str(kind)
     try:
         config = kinds.config_of(kind) if own is None else type(own)
-        form(config)
+        form(config, described=False)
     except UnknownKind as error:
         raise WrongSetting(f"{place}.kind: {error}", f"{place}.kind") from error
     try:

@@ -66,8 +66,7 @@ def of_keywords(
         if name in PLUGINS and isinstance(value, str):
             yield Change(f"{name}.kind", value, place)
         elif name in tables and is_table(value) and value:
-            of_kind = sorted(value.items(), key=lambda item: item[0] != "kind")
-            yield from (Change(f"{name}.{key}", v, place) for key, v in of_kind)
+            yield from (Change(f"{name}.{key}", v, place) for key, v in value.items())
         elif name in tables or "." in name:
             yield Change(name, value, place)
         else:

@@ -14,8 +14,8 @@ from sim.types import Array
 OUTLINE = "outline"
 RAYS = 128
 """Rays along each side: a side of 0.2 m is found to 1.6 mm."""
-SHOWN = np.array([1, 1, 1, 0, 0, 0], np.uint8)
-"""Groups of geoms that MuJoCo draws by default."""
+SHOWN = (np.arange(mujoco.mjNGROUP) < 3).astype(np.uint8)
+"""Whether MuJoCo draws each group of geoms by default."""
 CORNERS = np.array(list(itertools.product((-1, 1), repeat=3)))
 
 
