@@ -255,7 +255,10 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             target's true corners from their goals; terminated, True if the tracker has lost the
             target or its true centre is out of the picture; truncated, True if the scenario's
             duration is over and the run is not terminated; and info, with the time [s], d as
-            "distance_px", the tracker's status, the commanded twist, joint positions and poses.
+            "distance_px", the tracker's status, the twist (6,) that the control law commands from
+            this picture, before an action is added ("twist", in the camera frame [m/s, rad/s]), the
+            joint positions [m or rad], and the camera's pose and its goal relative to the target,
+            as matrices (4, 4) [m].
 
         Raises:
             Mistake: No run has begun, it is over, or the action is not n finite numbers.

@@ -36,7 +36,7 @@ def test_values_that_are_equal_count_as_the_same(values, twice):
     ("text", "said"),
     [
         ('x,y,w,h\n"1"2,3,4,5\n', "this is not a valid CSV file: "),
-        ("x,y,w,h\n", ": this truth has no lines: it needs one for each picture"),
+        ("x,y,w,h\n", ": this truth has no lines below its header: it needs one for each picture"),
     ],
 )
 def test_tables_of_truth_that_are_none(tmp_path, text, said):

@@ -124,7 +124,8 @@ def test_a_film_is_cut_where_less_than_a_quarter_of_the_points_goes_on(width, cu
 
 def test_a_film_of_one_picture_is_refused_and_ctrl_c_ends_a_longer_one():
     with pytest.raises(
-        ValueError, match=r"^this film has fewer than two pictures that can be decoded$"
+        ValueError,
+        match=r"^this film has fewer than two pictures that can be decoded: record it again, or convert it to another format$",
     ):
         follow(film(SHIFTS[:1]), lambda w, h: CAMERA, lambda _: None)
     for stop, count in ((29, None), (30, 30)):

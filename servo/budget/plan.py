@@ -140,7 +140,8 @@ class Plan:
 
     def cells(self, sources: Sequence[Source]) -> dict[str, tuple[Source, ...]]:
         """Return the sources of error that act in each combination, by its name: none ("nothing
-        wrong"), each one alone (by its name), and all of them ("together").
+        wrong"), each one alone (by its name; with the tracker, if it acts only through the tracker,
+        as image noise does), and all of them ("together").
         """
         alone = {source.name: self.alone(source) for source in sources}
         return {NOTHING: (), **alone, TOGETHER: tuple(sources)}

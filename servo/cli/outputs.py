@@ -32,8 +32,10 @@ VIEWER = "the viewer"
 @dataclass(frozen=True, slots=True)
 class Outputs:
     """Values of the options of `run` and `track` for films (MP4), logs (MCAP) and live viewers, and
-    the connection of a run to ROS 2. `speed` is a multiple of real time (None: 1), `port` the TCP
-    port of a viewer (None: 9090).
+    the connection of a run to ROS 2. `live` shows the run in a window, with `web` in a browser:
+    there on the light page if `light` is True, in Rerun's viewer if it is False, and by default
+    (None) on the light page where no GPU is. `speed` is a multiple of real time (None: 1), `port`
+    the TCP port of a viewer (None: 9090).
     """
 
     video: Path | None = None
@@ -41,7 +43,6 @@ class Outputs:
     live: bool = False
     web: bool = False
     light: bool | None = None
-    """True: the browser gets the light page, False: Rerun's; None: light where no GPU is."""
     speed: float | None = None
     port: int | None = None
     server: Server | None = None
@@ -198,8 +199,12 @@ def announce(viewer: LiveViewer | LightPage | None, console: Console) -> None:
 
 
 def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
-    """Keep a viewer open until the user closes it or presses Ctrl-C, then stop it. Without a viewer
-    (None) return at once.
+    """Keep a viewer open until the user closes its window or presses Ctrl-C, then stop it; a page
+    in a browser ends by Ctrl-C alone. Without a viewer (None) return at once.
+
+    Raises:
+        Refused: The viewer's server has ended.
+        KeyboardInterrupt: Another signal than Ctrl-C came.
     """
     if viewer is None:
         return

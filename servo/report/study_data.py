@@ -26,9 +26,10 @@ Series = dict[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class StudyResults:
-    """The results of a study (the runs of a scenario over axes of settings and seeds), read from
-    its folder: a row of values for each run, values over time, and the errors of failed runs.
-    Contact sheets are read when they are asked for.
+    """The results of a study (the runs of one or more scenarios over axes of settings and seeds),
+    read from its folder: a row of values for each finished run; values over time of at most
+    `MOST_OVER_TIME` runs; and the errors of runs that failed, and of those that finished when they
+    were tried again (`retried`). Contact sheets are read when they are asked for.
     """
 
     store: Store

@@ -66,6 +66,7 @@ def section(folder: Path, measures: Sequence[str] | None = None) -> Section:
 
     Raises:
         Mistake: A file is missing or damaged.
+        Refused: The study's database cannot be read.
     """
     study = load(folder)
     plan = study.plan

@@ -91,13 +91,14 @@ class Expected:
         return self.others.get(kind, self.others.get(ANY, {})) | self.changed
 
     def of(self, kind: str, *, drawn: bool = False) -> Table:
-        """Return the bounds that apply to one run by measure, and the expected `outcome`; an empty
-        table if the scenario has none for this tracker.
+        """Return the upper bounds that apply to one run by measure, and the expected `outcome`; an
+        empty table if the scenario has none for this tracker.
 
         Args:
             kind: Kind of the run's tracker.
-            drawn: Whether the run's seed has drawn settings: the bounds in [expect.drawn] then
-                replace the others, and `success_rate` is returned too if it is set.
+            drawn: Whether the run's seed has drawn settings: a bound in [expect.drawn] then
+                replaces that of the same measure, unless --set or a study has changed the latter,
+                and `success_rate` is returned too if it is set.
         """
         found = self.made_for(kind)
         own, of_drawn = _parts(found)

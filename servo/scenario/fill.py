@@ -98,9 +98,8 @@ def fill(config: type[Config], table: object, place: str, begin: Config | None =
     begin = config() if begin is None else begin
     if table == {}:
         return begin
-    return _changed(
-        begin, validated(form(config, described=False), _values(table), f"{place}."), place
-    )
+    model = form(config, described=False)
+    return _changed(begin, validated(model, _values(table), f"{place}."), place)
 
 
 def validated(model: type[Model], table: object, prefix: str) -> Model:

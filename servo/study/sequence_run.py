@@ -112,11 +112,15 @@ class Recorded:
 
     @staticmethod
     def all_in(folder: Path, form: Format = Format.AUTO) -> list["Recorded"]:
-        """Return all sequences in a folder. `form` is the format of their truth files (positions of
-        the target); with AUTO, each file is recognised by its name and header.
+        """Return the sequences of a folder: its own one, if it has pictures or truth files
+        (positions of the target), else those of all folders in it. `form` is the format of the
+        truth files; with AUTO, each is recognised by its name, header and numbers, and by the files
+        beside it.
 
         Raises:
-            ValueError: There is no sequence, or a picture or truth cannot be read.
+            ValueError: There is no sequence; a folder has only pictures or only a truth; or a truth
+                cannot be read, has no recognised format, does not fit the pictures, or has no
+                target in the first one.
         """
         found = list[Recorded]()
         for sequence in read_all(folder, RATE, form):

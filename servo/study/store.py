@@ -256,7 +256,7 @@ def on_disk(folder: Path, action: str) -> Generator[None]:
         raise Refused(f"{folder}: cannot {action}: {reason}; {MENDED}") from None
     except sqlite3.DatabaseError as error:
         raise Mistake(
-            f"{folder / RUNS}: this file is damaged ({error}); choose another folder with --out"
+            f"{folder / RUNS}: this file is damaged ({error}): do the runs again in another folder"
         ) from None
 
 

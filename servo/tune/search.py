@@ -145,15 +145,14 @@ class Aim:
 
 @dataclass(slots=True)
 class Candidate:
-    """Settings that a search tried, and the measures of their runs, in the order of the seeds; a
-    candidate that was stopped early has fewer runs.
+    """Settings that a search tried, by dotted key (an empty table: the scenario as it is), and the
+    measures of their runs, in the order of the seeds; a candidate that was stopped early has fewer
+    runs. `trial` is Optuna's trial, None for the scenario as it is.
     """
 
     settings: Table
-    """Values by dotted key; an empty table: the scenario as it is."""
     runs: list[Values] = field(default_factory=list[Values])
     trial: Any = None
-    """Optuna's trial."""
 
 
 def values_of(record: Record | None) -> Values:

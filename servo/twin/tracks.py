@@ -124,7 +124,10 @@ def follow(
         if len(follower.times) < FEW:
             raise
     if len(follower.times) < 2:
-        raise ValueError("this film has fewer than two pictures that can be decoded")
+        raise ValueError(
+            "this film has fewer than two pictures that can be decoded: record it again, or "
+            "convert it to another format"
+        )
     return follower.tracks(camera_of(*follower.size))
 
 

@@ -43,13 +43,14 @@ def show(
 ) -> None:
     """Give a mesh in a model several materials. MuJoCo draws one material for each geom, so the
     triangles of each material become a mesh of their own, with a geom beside each geom of the whole
-    mesh.
+    mesh. None of these geoms collides any more, and the added ones have no mass.
 
     Args:
         spec: The model, which is changed.
         shape: The mesh in the model, which keeps the triangles of the first material.
         geoms: All geoms that show this mesh.
-        parts: Pairs of the triangles of a material, and the material; None keeps the geom's colour.
+        parts: Pairs of the triangles of a material, and the material; None leaves a given geom its
+            colour, and an added one MuJoCo's grey.
     """
     for k, (part, material) in enumerate(parts):
         name = f"{shape.name}_{k}" if k else shape.name

@@ -347,5 +347,7 @@ def _of_csv(lines: list[str], path: Path) -> Array:
         numbers = ";".join(row[names.index(name)].strip() or "nan" for name in wanted)
         rows.append(_corners(_numbers(numbers, place), Format.VOT, place))
     if not rows:
-        raise ValueError(f"{path}: this truth has no lines: it needs one for each picture")
+        raise ValueError(
+            f"{path}: this truth has no lines below its header: it needs one for each picture"
+        )
     return np.stack(rows)
