@@ -296,7 +296,7 @@ def test_the_turns_of_a_camera_add_up():
     left = report.measures["end_rotation_deg"]
     assert report.measures["camera_turn_deg"] == pytest.approx(60 - left, abs=0.02)
     # Half the diagonal of 0.2 m, 1 m away, at 600 px.
-    assert report.measures["excursion_px"] == pytest.approx(60 * np.sqrt(2), abs=0.01)
+    assert report.measures["excursion_px"] == pytest.approx(60 * np.sqrt(2), abs=0.05)
 
 
 def test_corners_on_the_border_of_the_picture_are_in_view(steps):
