@@ -199,7 +199,7 @@ def test_the_wiggle_of_a_robot_is_a_file_of_its_joints(tmp_path):
 
 @pytest.mark.wide
 def test_a_small_recording_becomes_a_page_and_a_scenario_that_runs(tmp_path):
-    pictures, rows = played(["robot.lag_ms=40"], 18.0)
+    pictures, rows = played(["robot.lag_ms=40"], 14.0)
     film = VideoWriter(tmp_path / "film.mp4", 30, *SIZE)
     for picture in pictures:
         film.add(picture.image, picture.time)
@@ -224,7 +224,7 @@ def test_a_small_recording_becomes_a_page_and_a_scenario_that_runs(tmp_path):
 @pytest.mark.wide
 def test_a_bag_is_log_and_film_and_its_replay_is_a_recording_for_rerun(tmp_path):
     bags = pytest.importorskip("bags", reason="rosbags and mcap are not installed")
-    pictures, rows = played(["robot.lag_ms=40"], 18.0)
+    pictures, rows = played(["robot.lag_ms=40"], 14.0)
     frames = [(bags.START + each.time, each.image[..., ::-1]) for each in pictures]
 
     def images(store):
