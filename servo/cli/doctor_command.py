@@ -59,7 +59,7 @@ def _broken() -> list[str]:
     for kinds in [registry for registry, _ in PLUGINS.values()] + list(LISTS.values()):
         for kind in filter(kinds.package_of, kinds.names()):
             try:
-                form(kinds.config_of(kind))
+                form(kinds.config_of(kind), described=False)
             except UnknownKind as error:
                 reasons.append(str(error))
     return reasons
