@@ -10,7 +10,7 @@ import pytest
 from preloaded import Command, ran
 
 from servo.cli import main
-from servo.cli.guard import Printer, guarded
+from servo.cli.guard import guarded
 from servo.mistake import LONGEST, Mistake, Refused
 from sim.camera.gl import NoRenderer
 
@@ -59,17 +59,6 @@ def test_windows_is_named_at_the_start(capsys, monkeypatch):
         guarded(lambda: None)
     sentence = "servobench: Windows is not supported: run servobench in WSL (wsl --install)\n"
     assert (ended.value.code, capsys.readouterr().err) == (2, sentence)
-
-
-def test_a_printer_goes_on_after_its_stream_is_gone():
-    class Gone(io.StringIO):
-        def write(self, _):
-            raise BrokenPipeError(32, "Broken pipe")
-
-    printer = Printer(Gone())
-    assert printer.write("one") == 3
-    assert printer.write("two") == 3
-    printer.flush()
 
 
 SETTINGS = ("run.duration=0.2", "tracker.kind=frozen", "estimator.kind=none", "expect={}")
@@ -182,21 +171,3 @@ def test_settings_of_dask_that_are_broken_are_named(tmp_path):
     assert ended.returncode == 2
     assert ended.stderr.startswith(begin)
     assert ended.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("error", "kept"),
-    [
-        (OSError(28, "No space left on device"), 28),
-        (BrokenPipeError(32, "Broken pipe"), None),
-        (ValueError("I/O operation on closed file"), None),
-    ],
-)
-def test_a_printer_keeps_the_error_of_a_stream_that_refuses(error, kept):
-    class Refusing(io.StringIO):
-        def write(self, _):
-            raise error
-
-    printer = Printer(Refusing())
-    printer.write("one")
-    assert getattr(printer.refused, "errno", None) == kept

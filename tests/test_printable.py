@@ -1,10 +1,13 @@
-"""Text of files on the terminal: control characters in it have no effect."""
+"""What is printed: control characters of files have no effect, and a stream that is gone ends nothing."""
+
+import io
 
 import pytest
 from rich.console import Console
 from tracked import call, pictures
 
 from servo.cli import terminal
+from servo.cli.guard import Printer
 from servo.report.words import Table
 
 ESCAPES = "a\x1b[31mred\x1b]0;title\x07\x9b2J\r\u202e[bold]b"
@@ -46,3 +49,32 @@ def test_a_password_is_not_shown(monkeypatch, capfd, tmp_path):
             assert code == 2
             assert "tcp://eye:***@127.0.0.1:1/one" in err
             assert "ret" not in out + err.replace("truth", "")
+
+
+def test_a_printer_goes_on_after_its_stream_is_gone():
+    class Gone(io.StringIO):
+        def write(self, _):
+            raise BrokenPipeError(32, "Broken pipe")
+
+    printer = Printer(Gone())
+    assert printer.write("one") == 3
+    assert printer.write("two") == 3
+    printer.flush()
+
+
+@pytest.mark.parametrize(
+    ("error", "kept"),
+    [
+        (OSError(28, "No space left on device"), 28),
+        (BrokenPipeError(32, "Broken pipe"), None),
+        (ValueError("I/O operation on closed file"), None),
+    ],
+)
+def test_a_printer_keeps_the_error_of_a_stream_that_refuses(error, kept):
+    class Refusing(io.StringIO):
+        def write(self, _):
+            raise error
+
+    printer = Printer(Refusing())
+    printer.write("one")
+    assert getattr(printer.refused, "errno", None) == kept
