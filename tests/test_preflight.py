@@ -1,6 +1,7 @@
 """A robot's log against the film of its camera: offset, mount, mistakes, refusals, the twin."""
 
 import csv
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -213,6 +214,8 @@ def test_a_small_recording_becomes_a_page_and_a_scenario_that_runs(tmp_path):
     done = CliRunner().invoke(app, ["twin", *map(str, words), "--out", str(out)])
     assert done.exit_code in (0, 1), done.output
     assert "clock offset" in done.output
+    assert re.search(r"commands +ok +followed \d+ ms later", done.output)
+    assert f"ready. Next: servobench tune {out / 'twin.toml'}" in done.output.replace("\n", "")
     scenario = load(out / "twin.toml")
     assert scenario.robot.lag_ms == pytest.approx(40, abs=12)
     assert scenario.camera.fx == pytest.approx(289.7, abs=0.5)

@@ -198,6 +198,9 @@ def test_the_command_writes_lines_and_a_page_and_repeats_no_run(tmp_path, monkey
     assert said.err.startswith("tune: 1 of 14, seed 1, ")
     written = json.loads((tmp_path / "tune.json").read_text())
     assert (tmp_path / "tuned.toml").read_text().startswith("[")
+    whole = flat(load(str(tmp_path / "scenario.toml")).settings(), "")
+    assert {key: whole[key] for key in written["best"]} == written["best"]
+    assert f"servobench run {tmp_path / 'scenario.toml'}\n" in said.out.replace("\n  ", " ")
     assert "What each setting does" in (tmp_path / "report.html").read_text()
     assert len(written["fresh_after"]) == 2
     monkeypatch.setattr("servo.study.execute._run", lambda job, folder: 1 / 0)

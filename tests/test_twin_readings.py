@@ -389,7 +389,7 @@ def test_a_known_exposure_and_readout_are_taken_off_the_stamps(unrelated, words,
     _, (log, film, *_, stamps) = unrelated
     given = Given(Path(log), film, rate=10.0, stamps=Path(stamps), **words)
     smooth = hand_log(given.table(), given.log, None).smooth
-    tracks, _ = followed(given, smooth, Console(), None)
+    tracks, *_ = followed(given, smooth, Console(), None)
     assert tracks.times[0] == pytest.approx(begins, abs=1e-9)
 
 

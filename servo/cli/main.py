@@ -323,7 +323,8 @@ def compare() -> None:
     multiple=True,
     default=["success_rate>=0.95"],
     show_default=True,
-    help="A bound on the mean of a measure, such as 'effort_rms_mm_s<=40'; may be repeated.",
+    help="A bound on the mean of a measure, such as 'effort_rms_mm_s<=40'; may be repeated. "
+    "One that is given replaces the default.",
 )
 @opt.changes_option
 @opt.exact_option

@@ -24,13 +24,22 @@ from servo.report.page import render
 from servo.scenario.calibration import camera_in
 from servo.scenario.load import load
 from servo.twin import section as sections
+from servo.twin.commands import has_commands, of_commands
 from servo.twin.compare import Comparison, Trust, compare, rough_begin
 from servo.twin.corrections import Kind, Smooth, corrections
 from servo.twin.mount import Mount
-from servo.twin.readings import SHORTEST, clock_of, film, hand_log, is_camera, log_table
+from servo.twin.readings import (
+    SHORTEST,
+    clock_of,
+    command_log,
+    film,
+    hand_log,
+    is_camera,
+    log_table,
+)
 from servo.twin.still_tag import FEWEST, StillTag, TagSightings
 from servo.twin.tracks import Tracks, follow
-from servo.twin.verdict import believed_mount
+from servo.twin.verdict import NOT_CHECKED, Finding, believed_mount
 from servo.twin.wiggle import rates
 from servo.types import DOF
 from sim.types import Camera
@@ -144,8 +153,17 @@ def run(
     folder = prepare(out, f"preflight-{given.log.stem}")
     with writing(folder):
         page = atomic.write(folder, PAGE, render([sections.section(compared, folder, made(given))]))
-    plain(Console(), str(page))
+    plain(Console(), str(page), after(compared, f"{made(given, 'twin').command} --on SCENARIO"))
     return 0 if compared.verdict.is_good else 1
+
+
+def after(compared: Comparison, command: str) -> str:
+    """Return a sentence about what to do after a comparison of log and film: run a command, or
+    record again.
+    """
+    if compared.verdict.is_good:
+        return f"ready. Next: {command}"
+    return "not ready: correct what is wrong, or refused, and record again"
 
 
 def made(given: Given, command: str = "preflight", **more: object) -> Made:
@@ -212,17 +230,39 @@ def comparison(given: Given, table: pa.Table) -> tuple[Comparison, Camera, float
         if given.tag_mm is not None:
             raise Mistake("--tag-mm is for a tag that stands still: not with --eye-to-hand")
     sightings = TagSightings()
-    tracks, camera = followed(given, smooth, console, sightings)
+    tracks, camera, stamped = followed(given, smooth, console, sightings)
     trust = Trust(
         given.calibration is not None or given.fov is not None,
         given.along,
         stated_mount(given, table),
         given.late,
         _tag(given, sightings, camera),
+        stamped,
     )
     with progress(console, "comparing", 1 + len(corrections(smooth))) as tick:
         compared = compare(smooth, tracks, trust, tick)
-    return compared, camera, float(tracks.times[0])
+    return _with_commands(compared, given, table), camera, float(tracks.times[0])
+
+
+def _with_commands(compared: Comparison, given: Given, table: pa.Table) -> Comparison:
+    """Return a comparison of log and film with rows about the log's commands."""
+    verdict = compared.verdict
+    mistakes: list[str] = []
+    if not has_commands(table):
+        rows = [Finding("commands", f"{NOT_CHECKED}the log has no columns command_...")]
+    else:
+        hand = compared.motion.inverse if given.eye_to_hand else compared.motion
+        try:
+            rows, mistakes = of_commands(command_log(table, given.log, hand))
+        except Mistake as error:
+            text = str(error).removeprefix(f"{given.log}: ")
+            rows = [Finding("commands", f"{NOT_CHECKED}{text}")]
+    verdict = replace(
+        verdict,
+        findings=[*verdict.findings, *rows],
+        mistakes=[*verdict.mistakes, *mistakes],
+    )
+    return replace(compared, verdict=verdict)
 
 
 def _tag(given: Given, seen: TagSightings, camera: Camera) -> StillTag | None:
@@ -261,9 +301,10 @@ def stated_mount(given: Given, table: pa.Table) -> Mount | None:
 
 def followed(
     given: Given, smooth: Smooth, console: Console, sightings: TagSightings
-) -> tuple[Tracks, Camera]:
-    """Return the image points that were followed through a film, and the film's camera. The points'
-    times are on the log's clock, but for an offset that is not yet known.
+) -> tuple[Tracks, Camera, bool]:
+    """Return the image points that were followed through a film, the film's camera, and whether the
+    film has stamps on the log's clock. The points' times are on this clock, but for an offset that
+    is not yet known.
 
     Args:
         given: The options about log, film and camera.
@@ -315,7 +356,7 @@ def followed(
             console,
             f"{100 * inside:.0f} % of the film is inside the log's time; the rest is left out",
         )
-    return timed, camera_for(given, *tracks.size)
+    return timed, camera_for(given, *tracks.size), clock.is_known and given.begins is None
 
 
 def camera_for(given: Given, width: int, height: int) -> Camera:

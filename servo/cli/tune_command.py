@@ -5,6 +5,7 @@ test them on fresh seeds.
 from collections.abc import Sequence
 from pathlib import Path
 
+import tomli_w
 from rich.console import Console
 
 from servo.cli.terminal import complain, plain, print_table
@@ -14,6 +15,7 @@ from servo.output.formats import command_line
 from servo.report.tune_section import Tuned, section
 from servo.report.words import shown
 from servo.scenario.draws import flat
+from servo.scenario.toml import with_settings
 from servo.study.execute import Workers
 from servo.study.trials import Trial, trial_study
 from servo.tune import space
@@ -24,6 +26,8 @@ FIRST_SEED = 1
 """The first seed of a search: seed 0 draws no settings."""
 FRESH = 1001
 """The first fresh seed."""
+WHOLE = "scenario.toml"
+"""The file with the whole tuned scenario."""
 
 
 def run(
@@ -41,7 +45,7 @@ def run(
     quiet: bool,
 ) -> int:
     """Search the best settings of a scenario, run them and the scenario as it is on fresh seeds,
-    and write the settings as TOML lines and a page.
+    and write the settings as TOML lines, the scenario with them, and a page.
 
     Args:
         scenario: A shipped scenario or a TOML file.
@@ -101,7 +105,10 @@ def run(
     runs = [{"settings": one.settings, "runs": one.runs} for one in tried]
     found |= {"tried": runs, "fresh_before": pairs[0], "fresh_after": pairs[1]}
     files: dict[str, bytes | str] = {"tune.json": json_text(found), "tuned.toml": result.lines}
+    whole = tomli_w.dumps(with_settings(base.table, best.settings, scenario))
+    files[WHOLE] = f"# {scenario} with the settings that this command found: {again}\n\n{whole}"
     write(folder, section(result, described, folder), files, console)
+    plain(console, f"the scenario with these settings: servobench run {folder / WHOLE}")
     if not unseen:
         raise Mistake(result.sentence)
     complain(*result.broken)

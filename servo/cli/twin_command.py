@@ -15,7 +15,15 @@ from scipy.spatial.transform import Rotation
 
 from servo.cli.identify_command import estimated
 from servo.cli.jobs import progress
-from servo.cli.preflight_command import PAGE, Given, comparison, made, show, stated_mount
+from servo.cli.preflight_command import (
+    PAGE,
+    Given,
+    after,
+    comparison,
+    made,
+    show,
+    stated_mount,
+)
 from servo.cli.terminal import complain, plain, print_table, waiting
 from servo.cli.track_command import built, region_of, tracker_of
 from servo.loop.episode import Episode
@@ -114,7 +122,7 @@ def run(
     with writing(folder):
         section = sections.section(compared, folder, again, blocks)
         page = atomic.write(folder, PAGE, render([section]))
-    plain(console, str(page))
+    plain(console, str(page), after(compared, f"servobench tune {written}"))
     return 0 if compared.verdict.is_good else 1
 
 
@@ -151,6 +159,8 @@ def _changes(
             f"other sign, +- {MM * half:.2f} ms: 0 as soon as your driver adds {MM * offset:.2f} "
             "ms to each stamp"
         )
+    else:
+        notes["4"] = "clock_offset_ms: not known; the row 'clock offset' of the table says why"
     stated = stated_mount(given, table)
     if verdict.mount is not None and stated is not None:
         vector, place = turned_by(stated, mount)

@@ -35,7 +35,8 @@ class Trust:
     focal length is calibrated, the distance from the hand's origin to the camera along the optical
     axis (`along` [m], None: unknown), the pose of the camera in the hand that the user states
     (`believed`, None: none), and how long before its stamp the middle of a picture was exposed
-    (`late` [s], 0: unknown), which the film's times have.
+    (`late` [s], 0: unknown), which the film's times have. `stamped` says whether these are stamps,
+    as the robot's program uses them; if not, the film was only placed where it fits the log.
     """
 
     focal: bool = False
@@ -44,6 +45,7 @@ class Trust:
     late: float = 0.0
     tag: StillTag | None = None
     """A tag that stands still in the film."""
+    stamped: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +120,7 @@ def compare(
         trusts_along=shows_focal,
         late=trust.late,
         tag=tag,
+        stamped=trust.stamped,
     )
     return Comparison(film, moved, flows, offset, diagnosis, mount, verdict)
 

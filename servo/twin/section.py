@@ -12,6 +12,7 @@ from servo.report.page import Block, Fact, PageImage, Section, again
 from servo.report.words import Badge, Cell, Table, Tone
 from servo.twin.compare import Comparison
 from servo.twin.offset import regressors
+from servo.twin.verdict import NOT_CHECKED
 from tracking.drawing.figures import Drawing, panels
 from tracking.drawing.picture_bytes import encoded
 
@@ -32,27 +33,24 @@ MM = 1e3
 SHOWN_PICTURES = 4
 LEGEND = (
     "adjust: the robot can follow, but pairs pictures with wrong postures until it is changed; "
-    "wrong: it may drive off; refused: the recording does not show it"
+    "wrong: it may drive off; refused: the recording does not show it; unknown: not looked at, as "
+    "something was not given"
 )
 
 
 def table(compared: Comparison) -> Table:
     """Return the table of a comparison of log and film: a row for each finding, whether it is ok,
-    to be adjusted, wrong or refused, and what to change.
+    to be adjusted, wrong, refused or unknown, and what to change.
     """
     rows: list[list[Cell]] = []
     for each in compared.verdict.findings:
         badge = Badge("refused" if "refused" in each.found else "wrong", Tone.BAD)
-        if each.is_good:
+        if each.found.startswith(NOT_CHECKED):
+            badge = Badge("unknown", Tone.PLAIN)
+        elif each.is_good:
             badge = Badge("adjust", Tone.BAD) if each.change else Badge("ok", Tone.GOOD)
-        rows.append(
-            [
-                each.what,
-                badge,
-                each.found.removeprefix("refused: "),
-                each.change,
-            ]
-        )
+        found = each.found.removeprefix("refused: ").removeprefix(NOT_CHECKED)
+        rows.append([each.what, badge, found, each.change])
     return Table(("", "", "found", "what to change"), rows, range(4), LEGEND)
 
 

@@ -59,6 +59,8 @@ CLOSE = 0.01
 AGAINST = "mount: against --mount"
 STEP = 0.05
 """Time over which a rate is taken, so that noise is small [s]."""
+NOT_CHECKED = "not checked: "
+"""Begin of what a row says that is neither right nor wrong."""
 PARTS = np.s_[:3], np.s_[3:]
 MM = 1e3
 
@@ -80,8 +82,8 @@ class Finding:
 @dataclass(frozen=True, slots=True)
 class Verdict:
     """What a pre-flight (a comparison of a robot's log with the film of its camera) found, as rows
-    of a table and numbers. An offset or mount that is refused as too uncertain is None, and a row
-    says why.
+    of a table and numbers. An offset or mount that is refused as too uncertain, or not known, is
+    None, and a row says why.
     """
 
     findings: list[Finding]
@@ -127,6 +129,7 @@ def judge(
     trusts_along: bool,
     late: float = 0.0,
     tag: TagFit | None = None,
+    stamped: bool = True,
 ) -> Verdict:
     """Return the verdict of a pre-flight: what is right, wrong, or too uncertain to be stated.
 
@@ -144,6 +147,7 @@ def judge(
             axis is known.
         late: How long before its stamp the middle of a picture was exposed [s]; 0: unknown.
         tag: What a tag in the film shows, if there is one: the mount is then of it.
+        stamped: Whether the film's times are stamps, as the robot's program uses them.
     """
     findings: list[Finding] = []
     doubts = list(_of_film(tracks))
@@ -165,7 +169,12 @@ def judge(
         "its rotation is not known" if why else _no_lever(mount, axes, trusts_focal or trusts_along)
     )
     if not why_no_offset:
-        findings += _of_clock(offset, mount, late, use_fit=not why)
+        use_fit = not why
+        findings += (
+            _of_clock(offset, mount, late, use_fit=use_fit)
+            if stamped
+            else [_of_begin(tracks, mount.offset if use_fit else offset.value)]
+        )
     if why:
         findings.append(Finding("mount: rotation", f"refused: {why}", RECORD, is_good=False))
     else:
@@ -187,7 +196,7 @@ def judge(
     return Verdict(
         findings,
         doubts,
-        None if why_no_offset else offset,
+        offset if stamped and not why_no_offset else None,
         None if why else mount,
         not why,
         not why_no_lever,
@@ -393,6 +402,17 @@ def _of_clock(offset: Offset, mount: Mount, late: float, *, use_fit: bool) -> li
             )
         )
     return rows
+
+
+def _of_begin(tracks: Tracks, offset: float) -> Finding:
+    """Return the row about the clocks for a film without stamps: where it was placed."""
+    begins = float(tracks.times[0]) + offset
+    return Finding(
+        "clock offset",
+        f"{NOT_CHECKED}the film has no stamps on the log's clock; its first picture fits best at "
+        f"{begins:.3f} s of the log",
+        "give the stamps with which the robot's program pairs the pictures: --stamps",
+    )
 
 
 def _of_scale(
