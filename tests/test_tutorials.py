@@ -40,11 +40,17 @@ PRINTS = {
         (r"clock offset +adjust +([\d.]+) ms", (77.0, 83.0)),
         (r"mount: rotation +ok +roll (-[\d.]+)", (-100.6, -99.4)),
         (r"mount: lever +ok +x -?[\d.]+, y (-[\d.]+)", (-910.0, -890.0)),
+        (r"commands +(unknown) ", "unknown"),
     ],
     "first_start": [
         (r"mistake +wrong +(the quaternion's)", "the quaternion's"),
         (r"mistake +wrong +(lengths are in)", "lengths are in"),
         (r"clock offset +adjust +([\d.]+) ms", (77.0, 83.0)),
+        (r"commands +ok +(followed)", "followed"),
+        (
+            r"(ready. Next: servobench tune twin/twin.toml)",
+            "ready. Next: servobench tune twin/twin.toml",
+        ),
         (r"median difference ([\d.]+) of 255", (0.0, 12.0)),
     ],
 }
