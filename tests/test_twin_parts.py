@@ -422,7 +422,7 @@ HALVES = mount().halves
         ({"at": mount(plane=np.zeros(3))}, "mount: rotation", "no plane fits the scene (scatter 0.2, at most 3)"),
         ({"at": mount(halves=HALVES * [1, 1, 3.6, 1, 1, 1, 1, 1, 1, 1, 1, 1])}, "mount: rotation", "it is uncertain by 2.1 deg (at most 2)"),
         ({"at": mount(halves=HALVES * [1, 1, 1, 1, 1, 1, 16, 1, 1, 1, 1, 1])}, "mount: lever", "it is uncertain by 32 mm (at most 30)"),
-        ({"focal": False}, "mount: lever", "a lever along the optical axis looks as a wrong focal length does: give --calibration, --fov, --along or --tag-mm"),
+        ({"focal": False}, "mount: lever", "a lever along the optical axis looks as a wrong focal length does"),
         ({"diagnosis": diagnosed(SIGN)}, "mistake", "the sign is wrong"),
         ({"diagnosis": diagnosed(SIGN, others=[Trial((SIGN,), 0.1, mount(rotation=np.diag([1.0, -1, -1])), 1.0)])}, "mistake", "cannot tell (the sign is wrong) from (the sign is wrong)"),
         ({"diagnosis": diagnosed(SIGN, others=[Trial((SIGN,), 0.1, mount(rotation=np.diag([1.0, -1, -1])), 1.0)])}, "mount: rotation", "it differs between the mistakes that explain the recording"),
@@ -435,6 +435,27 @@ def test_what_is_wrong_or_cannot_be_known_is_a_row(changes, row, sentence):
     found = verdict(**changes)
     assert not found.is_good
     assert rows(found)[row] == sentence
+
+
+TIE = {
+    "diagnosis": diagnosed(
+        SIGN, others=[Trial((SIGN,), 0.1, mount(rotation=np.diag([1.0, -1, -1])), 1.0)]
+    )
+}
+
+
+@pytest.mark.parametrize(
+    ("changes", "row", "change"),
+    [
+        (TIE, "mount: rotation", "give --mount from your drawing, which tells them apart: this recording is enough"),
+        (TIE, "mount: lever", ""),
+        ({"focal": False}, "mount: lever", "give --calibration, --fov, --along or --tag-mm: this recording is enough"),
+        ({"axes": (0.006, 0.019)}, "mount: lever", "record 30 s of the motion that `servobench preflight --wiggle FILE` writes"),
+    ],
+)  # fmt: skip
+def test_another_recording_is_asked_for_only_where_it_helps(changes, row, change):
+    [found] = [each for each in verdict(**changes).findings if each.what == row]
+    assert found.change == change
 
 
 @pytest.mark.parametrize(

@@ -355,7 +355,7 @@ def test_a_preflight_of_another_film_refuses_all_numbers(unrelated):
     for text in (
         "5.9 s",
         "60 pictures, 160 x 120 px",
-        "robot moves by its camera: 3.",
+        "robot moves by its camera: 2.",
         "not ready",
     ):
         assert text in page, text

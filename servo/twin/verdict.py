@@ -176,13 +176,16 @@ def judge(
             else [_of_begin(tracks, mount.offset if use_fit else offset.value)]
         )
     if why:
-        findings.append(Finding("mount: rotation", f"refused: {why}", RECORD, is_good=False))
+        change = TIED_CHANGE if why == TIED and believed is None else RECORD
+        findings.append(Finding("mount: rotation", f"refused: {why}", change, is_good=False))
     else:
         findings.append(_rotation(mount, believed))
         if believed is not None:
             findings += _against_believed(mount, believed, mistakes, has_lever=not why_no_lever)
     if why_no_lever:
-        findings.append(Finding("mount: lever", f"refused: {why_no_lever}", RECORD, is_good=False))
+        change = LOOKS_ALIKE_CHANGE if why_no_lever == LOOKS_ALIKE else RECORD
+        change = "" if why else change  # the row above has it
+        findings.append(Finding("mount: lever", f"refused: {why_no_lever}", change, is_good=False))
     else:
         findings.append(_lever(mount, believed))
     if not why:
@@ -205,6 +208,10 @@ def judge(
 
 
 RECORD = "record 30 s of the motion that `servobench preflight --wiggle FILE` writes"
+TIED = "it differs between the mistakes that explain the recording"
+TIED_CHANGE = "give --mount from your drawing, which tells them apart: this recording is enough"
+LOOKS_ALIKE = "a lever along the optical axis looks as a wrong focal length does"
+LOOKS_ALIKE_CHANGE = "give --calibration, --fov, --along or --tag-mm: this recording is enough"
 
 
 def _no_offset(offset: Offset) -> str:
@@ -240,7 +247,7 @@ def _no_mount(diagnosis: Diagnosis, mount: Mount, axes: tuple[float, float], tie
         ),
         (
             tied and max(apart, default=0.0) > VAGUE_TURN,
-            "it differs between the mistakes that explain the recording",
+            TIED,
         ),
         (
             any(
@@ -294,8 +301,7 @@ def _no_lever(mount: Mount, axes: tuple[float, float], known: bool) -> str:
         ),
         (
             not known,
-            "a lever along the optical axis looks as a wrong focal length does: give "
-            "--calibration, --fov, --along or --tag-mm",
+            LOOKS_ALIKE,
         ),
     )
     return next((sentence for applies, sentence in cases if applies), "")
