@@ -92,7 +92,10 @@ def _wrong(found: Follows, channels: Sequence[LogChannel], delay: float) -> Find
         text = f"{name} does not follow its command"
         if near is not None and abs(near.likeness) >= ALIKE:
             text += f", but that of {near.name}"
-        change = "correct the columns of commands: rates of joints, or a twist in the hand's frame"
+        change = (
+            "correct the columns of commands: rates of joints, or a twist in the hand's frame "
+            "(not in the camera's)"
+        )
         return Finding("commands", text, change, is_good=False)
     if NEAR[0] < found.gain < NEAR[1]:
         return None
