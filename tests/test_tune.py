@@ -200,6 +200,7 @@ def test_the_command_writes_lines_and_a_page_and_repeats_no_run(tmp_path, monkey
     assert (tmp_path / "tuned.toml").read_text().startswith("[")
     whole = flat(load(str(tmp_path / "scenario.toml")).settings(), "")
     assert {key: whole[key] for key in written["best"]} == written["best"]
+    assert (whole["robot.kind"], whole["run.duration"]) == ("free", 0.5)  # the command's changes
     assert f"servobench run {tmp_path / 'scenario.toml'}\n" in said.out.replace("\n  ", " ")
     assert "What each setting does" in (tmp_path / "report.html").read_text()
     assert len(written["fresh_after"]) == 2

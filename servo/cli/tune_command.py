@@ -15,6 +15,7 @@ from servo.output.formats import command_line
 from servo.report.tune_section import Tuned, section
 from servo.report.words import shown
 from servo.scenario.draws import flat
+from servo.scenario.load import load
 from servo.scenario.toml import with_settings
 from servo.study.execute import Workers
 from servo.study.trials import Trial, trial_study
@@ -105,7 +106,8 @@ def run(
     runs = [{"settings": one.settings, "runs": one.runs} for one in tried]
     found |= {"tried": runs, "fresh_before": pairs[0], "fresh_after": pairs[1]}
     files: dict[str, bytes | str] = {"tune.json": json_text(found), "tuned.toml": result.lines}
-    whole = tomli_w.dumps(with_settings(base.table, best.settings, scenario))
+    changed = load(scenario, changes).table
+    whole = tomli_w.dumps(with_settings(changed, best.settings, scenario))
     files[WHOLE] = f"# {scenario} with the settings that this command found: {again}\n\n{whole}"
     write(folder, section(result, described, folder), files, console)
     plain(console, f"the scenario with these settings: servobench run {folder / WHOLE}")
