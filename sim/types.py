@@ -46,7 +46,7 @@ class Camera:
     height: int
     """Image height [px]."""
     distortion: Distortion | None = None
-    """Of the lens; None: there is none."""
+    """Distortion of the lens; None: a lens without distortion (pinhole)."""
 
     @property
     def focal(self) -> float:

@@ -720,7 +720,8 @@ def test_a_row_of_a_later_version_is_whole_and_has_its_errors():
     faults, _ = audit.audit(benchmark, replace(published, worlds=part), sift, None)
     assert faults == [
         "the row is of a quick run: 18 of 360 worlds",
-        "its Parquet file with the errors of each run is missing",
+        "its Parquet file with the errors of each run is missing: `--submit` writes it beside the "
+        "JSON file",
     ]
 
 

@@ -212,11 +212,12 @@ def test_the_command_writes_lines_and_a_page_and_repeats_no_run(tmp_path, monkey
         report_command.write([tmp_path], None)
 
 
-def test_the_command_says_where_nothing_keeps_the_conditions(tmp_path):
+def test_the_command_says_where_nothing_keeps_the_conditions(tmp_path, capsys):
     with pytest.raises(
         Mistake, match=r"keep servo_rms_px<=0\.001; the nearest are .*, with servo_rms_px"
     ):
-        tuned(tmp_path, keep=("servo_rms_px<=0.001",))
+        tuned(tmp_path, keep=("servo_rms_px<=0.001",), quiet=False)
+    assert "servobench run" not in capsys.readouterr().out
     assert (tmp_path / "report.html").exists()
 
 

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
 from servo.cli.main import app
+from servo.cli.preflight_command import after
 from servo.loop.episode import Episode
 from servo.output.formats import Made
 from servo.report.words import Tone
@@ -36,7 +37,15 @@ from servo.twin.replay import room_of, turned_by, write_replay
 from servo.twin.robot_motion import RobotMotion, of_twists
 from servo.twin.scene_camera import SceneCamera
 from servo.twin.tracks import Tracks, corners, follow
-from servo.twin.verdict import Finding, Verdict, believed_mount, judge, preferred, second_axes
+from servo.twin.verdict import (
+    Finding,
+    State,
+    Verdict,
+    believed_mount,
+    judge,
+    preferred,
+    second_axes,
+)
 from servo.twin.wiggle import rates, swings
 from sim.types import Camera, Pose
 from tracking.sequences.sources import Picture
@@ -350,15 +359,16 @@ def verdict(
     believed=None,
     focal=True,
     along=False,
+    stamped=True,
 ):
     return judge(
         offset, diagnosis or diagnosed(), at or mount(), at or mount(), tracks, axes, believed,
-        trusts_focal=focal, trusts_along=along,
+        trusts_focal=focal, trusts_along=along, stamped=stamped,
     )  # fmt: skip
 
 
 def rows(found):
-    return {each.what: each.found.removeprefix("refused: ") for each in found.findings}
+    return {each.what: each.found for each in found.findings}
 
 
 def test_a_good_recording_gives_numbers_with_their_intervals():
@@ -680,12 +690,37 @@ def test_a_page_shows_the_curve_and_the_flows_of_12_s():
     assert len(section.flows(compared(tracks=long)).axes[0].lines[0].get_xdata()) == 5
 
 
+def test_a_film_without_stamps_has_no_offset_of_its_clock():
+    found = verdict(tracks=replace(TRACKS, times=3 + TRACKS.times), stamped=False)
+    row = next(each for each in found.findings if each.what == "clock offset")
+    assert (row.found, row.change, row.state) == (
+        "the film has no stamps on the log's clock; its first picture fits best at 3.050 s of the log",
+        "give the stamps with which the robot's program pairs the pictures: --stamps",
+        State.UNKNOWN,
+    )
+    assert (found.offset, found.is_good) == (None, True)
+
+
+@pytest.mark.parametrize(
+    ("states", "line"),
+    [
+        ([State.OK, State.ADJUST], "ready. Next: twin"),
+        ([State.UNKNOWN, State.OK, State.UNKNOWN], "ready, but unknown: row 0, row 2. Next: twin"),
+        ([State.REFUSED], "not ready: correct what is wrong, or refused, and record again"),
+        ([State.OK, State.WRONG], "not ready: correct what is wrong, or refused, and record again"),
+    ],
+)
+def test_the_last_line_says_whether_the_robot_may_move_and_what_is_unknown(states, line):
+    rows = [Finding(f"row {k}", "", state=state) for k, state in enumerate(states)]
+    assert after(compared(verdict=Verdict(rows, [], None, None, False, False, [])), "twin") == line
+
+
 def test_a_table_has_a_word_for_each_finding():
     findings = [
         Finding("a", "fits"),
-        Finding("d", "late", "add"),
-        Finding("b", "refused: why", "record", is_good=False),
-        Finding("c", "off", "turn", is_good=False),
+        Finding("d", "late", "add", State.ADJUST),
+        Finding("b", "why", "record", State.REFUSED),
+        Finding("c", "off", "turn", State.WRONG),
     ]
     table = section.table(
         SimpleNamespace(verdict=Verdict(findings, [], None, None, False, False, []))
@@ -705,7 +740,7 @@ def test_a_table_has_a_word_for_each_finding():
     [
         ([("a", "fits")], "Log and film fit each other. "),
         ([("a", "late", "add"), ("b", "fits")], "Log and film fit each other. Lines that say what to change before the robot moves by its camera: 1."),
-        ([("a", "late", "add"), ("b", "off", "turn", False)], "Lines that say what to change before the robot moves by its camera: 2."),
+        ([("a", "late", "add"), ("b", "off", "turn", State.WRONG)], "Lines that say what to change before the robot moves by its camera: 2."),
     ],
 )  # fmt: skip
 def test_a_page_counts_all_lines_that_say_what_to_change(tmp_path, findings, lead):

@@ -118,7 +118,8 @@ def audit(
         (len(worlds) < whole and not is_early, quick),
         (
             errors is None and not is_early,
-            "its Parquet file with the errors of each run is missing",
+            "its Parquet file with the errors of each run is missing: `--submit` writes it "
+            "beside the JSON file",
         ),
         (
             row.division != right,

@@ -246,7 +246,8 @@ class Benchmark:
 
         Args:
             band: The set of worlds, which decides the seeds.
-            count: Number of first worlds of each condition; None: all.
+            count: How many worlds of each condition to return, the first ones; None: all worlds of
+                each condition.
         """
         return [w for c in self.conditions for w in self.worlds_of(c, band)[:count]]
 

@@ -60,7 +60,8 @@ class Plan:
 
     @staticmethod
     def of(base: StudiedScenario, seeds: Sequence[int], stated: Mapping[str, float]) -> "Plan":
-        """Return the plan of an accuracy budget for a scenario.
+        """Return the plan of an accuracy budget for a scenario: its sources of error have the
+        magnitudes that the user states, and the others those that the scenario has by itself.
 
         Args:
             base: The scenario.

@@ -39,7 +39,7 @@ from servo.twin.readings import (
 )
 from servo.twin.still_tag import FEWEST, StillTag, TagSightings
 from servo.twin.tracks import Tracks, follow
-from servo.twin.verdict import NOT_CHECKED, Finding, believed_mount
+from servo.twin.verdict import Finding, State, believed_mount
 from servo.twin.wiggle import rates
 from servo.types import DOF
 from sim.types import Camera
@@ -161,8 +161,10 @@ def after(compared: Comparison, command: str) -> str:
     """Return a sentence about what to do after a comparison of log and film: run a command, or
     record again.
     """
-    if compared.verdict.is_good:
-        return f"ready. Next: {command}"
+    verdict = compared.verdict
+    if verdict.is_good:
+        unknown = ", ".join(verdict.unknown)
+        return f"ready{f', but unknown: {unknown}' * bool(unknown)}. Next: {command}"
     return "not ready: correct what is wrong, or refused, and record again"
 
 
@@ -249,14 +251,15 @@ def _with_commands(compared: Comparison, given: Given, table: pa.Table) -> Compa
     verdict = compared.verdict
     mistakes: list[str] = []
     if not has_commands(table):
-        rows = [Finding("commands", f"{NOT_CHECKED}the log has no columns command_...")]
+        why = "the log has no columns command_..."
+        rows = [Finding("commands", why, state=State.UNKNOWN)]
     else:
         hand = compared.motion.inverse if given.eye_to_hand else compared.motion
         try:
             rows, mistakes = of_commands(command_log(table, given.log, hand))
         except Mistake as error:
             text = str(error).removeprefix(f"{given.log}: ")
-            rows = [Finding("commands", f"{NOT_CHECKED}{text}")]
+            rows = [Finding("commands", text, state=State.UNKNOWN)]
     verdict = replace(
         verdict,
         findings=[*verdict.findings, *rows],

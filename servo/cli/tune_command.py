@@ -110,8 +110,8 @@ def run(
     whole = tomli_w.dumps(with_settings(changed, best.settings, scenario))
     files[WHOLE] = f"# {scenario} with the settings that this command found: {again}\n\n{whole}"
     write(folder, section(result, described, folder), files, console)
-    plain(console, f"the scenario with these settings: servobench run {folder / WHOLE}")
     if not unseen:
         raise Mistake(result.sentence)
+    plain(console, f"the scenario with these settings: servobench run {folder / WHOLE}")
     complain(*result.broken)
     return 1 if result.broken else 0

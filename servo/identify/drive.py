@@ -7,10 +7,24 @@ from itertools import accumulate
 import numpy as np
 from scipy.signal import lfilter
 
+from servo.identify.log import Series
 from sim.types import Array
 
 GRID = 2e-3
 """Interval of the modelled motion [s], equal to a step of the physics."""
+
+
+def summed(rates: Series, until: float) -> Series:
+    """Return the sum of commanded rates over time, which is the commanded motion: from zero at the
+    first command, each of which holds until the next one.
+
+    Args:
+        rates: The commands [m/s, rad/s].
+        until: How long the motion is wanted [s]; it ends one step of the grid later, or after the
+            last command.
+    """
+    times = np.append(rates.times, max(until, rates.times[-1]) + GRID)
+    return Series(times, np.concatenate([[0.0], np.cumsum(np.diff(times) * rates.values)]))
 
 
 def after_play(motion: Array, play: float) -> Array:

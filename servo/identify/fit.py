@@ -20,7 +20,7 @@ from scipy.sparse import csr_array
 from scipy.stats import beta, chi2
 from scipy.stats import t as student
 
-from servo.identify.drive import GRID, after_lag, after_play
+from servo.identify.drive import GRID, after_lag, after_play, summed
 from servo.identify.log import Log, LogChannel, Series
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
@@ -415,12 +415,10 @@ def _basis(
     Their weighted sum is the channel's motion.
     """
     moved = channel.moved
-    command = channel.command
     grid = _grid(moved.times)
-    knots = np.append(command.times, max(grid[-1], command.times[-1]) + GRID)
-    asked = np.concatenate([[0.0], np.cumsum(np.diff(knots) * command.values)])
+    asked = summed(channel.command, grid[-1])
     # The simulated lag begins a step of the physics late, and positions are half a step ahead.
-    motion = np.interp(grid - delay - GRID / 2, knots, asked)
+    motion = np.interp(grid - delay - GRID / 2, asked.times, asked.values)
     if not is_behind:
         motion = after_play(motion, play)
     motion = after_lag(after_lag(motion, lag), servo)

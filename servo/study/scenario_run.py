@@ -210,7 +210,7 @@ def record_of(
         scenario: The scenario that was run.
         steps: All steps of the run, or their columns; pictures are not used.
         seconds: Wall-clock time of the run [s]; nan: unknown.
-        sheet: An image with pictures of the run, as JPEG; None: there is none.
+        sheet: An image with pictures of the run, as JPEG; None: none was drawn.
     """
     run = Columns.of(steps)
     summary = summarise(run, scenario.measure, 1 / scenario.camera.rate)

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from servo.identify.log import Log, LogChannel
-from servo.twin.verdict import MM, NOT_CHECKED, Finding
+from servo.identify.drive import summed
+from servo.identify.log import Log, LogChannel, Series
+from servo.twin.verdict import MM, Finding, State
 from sim.types import Array
 
 COMMAND = "command_"
@@ -52,8 +53,8 @@ def of_commands(log: Log) -> tuple[list[Finding], list[str]]:
     """
     moving = [each for each in log.channels if _is_asked(each)]
     if not moving:
-        text = f"{NOT_CHECKED}the commands in the log are too small to show anything"
-        return [Finding("commands", text)], []
+        text = "the commands in the log are too small to show anything"
+        return [Finding("commands", text, state=State.UNKNOWN)], []
     tries = [[_follows(each, each, delay) for each in moving] for delay in DELAYS]
     best = max(range(len(tries)), key=lambda i: sum(each.likeness**2 for each in tries[i]))
     found = tries[best]
@@ -96,13 +97,13 @@ def _wrong(found: Follows, channels: Sequence[LogChannel], delay: float) -> Find
             "correct the columns of commands: rates of joints, or a twist in the hand's frame "
             "(not in the camera's)"
         )
-        return Finding("commands", text, change, is_good=False)
+        return Finding("commands", text, change, State.WRONG)
     if NEAR[0] < found.gain < NEAR[1]:
         return None
     what = "sign" if NEAR[0] < -found.gain < NEAR[1] else "unit"
     text = f"{name} moves {found.gain:.3g} times as far as commanded"
     change = f"correct the {what} of the commands of {name}, or of its motion, where it is made"
-    return Finding("commands", text, change, is_good=False)
+    return Finding("commands", text, change, State.WRONG)
 
 
 def _follows(commanded: LogChannel, moved: LogChannel, delay: float) -> Follows:
@@ -120,14 +121,13 @@ def _follows(commanded: LogChannel, moved: LogChannel, delay: float) -> Follows:
 
 def _motions(commanded: LogChannel, moved: LogChannel, delay: float) -> tuple[Array, Array]:
     """Return the commanded and the measured motion (n,) [m or rad] over each half second."""
-    command, motion = commanded.command, moved.moved
-    knots = np.append(command.times, motion.times[-1] + GRID)
-    summed = np.concatenate([[0.0], np.cumsum(np.diff(knots) * command.values)])
-    begin = max(command.times[0] + delay, motion.times[0]) + SPAN
+    motion = moved.moved
+    asked = summed(commanded.command, motion.times[-1])
+    begin = max(asked.times[0] + delay, motion.times[0]) + SPAN
     times = np.arange(begin, motion.times[-1], GRID)
 
-    def over(at: Array, values: Array, late: float) -> Array:
-        ends = np.interp(times - late, at, values)
-        return ends - np.interp(times - late - SPAN, at, values)
+    def over(whole: Series, late: float) -> Array:
+        ends = np.interp(times - late, whole.times, whole.values)
+        return ends - np.interp(times - late - SPAN, whole.times, whole.values)
 
-    return over(knots, summed, delay), over(motion.times, motion.values, 0.0)
+    return over(asked, delay), over(motion, 0.0)

@@ -254,7 +254,7 @@ def film(
         rate: Frame rate of a folder of pictures [Hz].
         topic: Image topic of a bag; None: the only one.
         stamps: CSV with the stamp of each picture in the column time_s [s], which replaces the
-            film's own times; None: there is none.
+            film's own times; None: the film's own times stay.
 
     Raises:
         Mistake: The film or the stamps cannot be read, or there are more or fewer stamps than

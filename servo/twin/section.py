@@ -12,7 +12,7 @@ from servo.report.page import Block, Fact, PageImage, Section, again
 from servo.report.words import Badge, Cell, Table, Tone
 from servo.twin.compare import Comparison
 from servo.twin.offset import regressors
-from servo.twin.verdict import NOT_CHECKED
+from servo.twin.verdict import State
 from tracking.drawing.figures import Drawing, panels
 from tracking.drawing.picture_bytes import encoded
 
@@ -31,10 +31,15 @@ SECONDS = 12.0
 """Time that is drawn [s]."""
 MM = 1e3
 SHOWN_PICTURES = 4
-LEGEND = (
-    "adjust: the robot can follow, but pairs pictures with wrong postures until it is changed; "
-    "wrong: it may drive off; refused: the recording does not show it; unknown: not looked at, as "
-    "something was not given"
+BADGES = {
+    State.OK: Badge("ok", Tone.GOOD),
+    State.ADJUST: Badge("adjust", Tone.BAD),
+    State.WRONG: Badge("wrong", Tone.BAD),
+    State.REFUSED: Badge("refused", Tone.BAD),
+    State.UNKNOWN: Badge("unknown", Tone.PLAIN),
+}
+LEGEND = "; ".join(
+    f"{badge.text}: {state.value}" for state, badge in BADGES.items() if state is not State.OK
 )
 
 
@@ -42,15 +47,10 @@ def table(compared: Comparison) -> Table:
     """Return the table of a comparison of log and film: a row for each finding, whether it is ok,
     to be adjusted, wrong, refused or unknown, and what to change.
     """
-    rows: list[list[Cell]] = []
-    for each in compared.verdict.findings:
-        badge = Badge("refused" if "refused" in each.found else "wrong", Tone.BAD)
-        if each.found.startswith(NOT_CHECKED):
-            badge = Badge("unknown", Tone.PLAIN)
-        elif each.is_good:
-            badge = Badge("adjust", Tone.BAD) if each.change else Badge("ok", Tone.GOOD)
-        found = each.found.removeprefix("refused: ").removeprefix(NOT_CHECKED)
-        rows.append([each.what, badge, found, each.change])
+    rows: list[list[Cell]] = [
+        [each.what, BADGES[each.state], each.found, each.change]
+        for each in compared.verdict.findings
+    ]
     return Table(("", "", "found", "what to change"), rows, range(4), LEGEND)
 
 

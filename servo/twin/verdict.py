@@ -3,6 +3,7 @@ refuses to say because it is too uncertain.
 """
 
 from dataclasses import dataclass, replace
+from enum import Enum
 from itertools import permutations, product
 
 import numpy as np
@@ -59,10 +60,18 @@ CLOSE = 0.01
 AGAINST = "mount: against --mount"
 STEP = 0.05
 """Time over which a rate is taken, so that noise is small [s]."""
-NOT_CHECKED = "not checked: "
-"""Begin of what a row says that is neither right nor wrong."""
 PARTS = np.s_[:3], np.s_[3:]
 MM = 1e3
+
+
+class State(Enum):
+    """What a row of the table of a pre-flight says of a part of the robot, with its sentence."""
+
+    OK = "as stated"
+    ADJUST = "the robot can follow, but pairs pictures with wrong postures until it is changed"
+    WRONG = "it may drive off"
+    REFUSED = "the recording does not show it"
+    UNKNOWN = "not looked at, as something was not given"
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +84,12 @@ class Finding:
     found: str
     change: str = ""
     """What to change; empty: nothing."""
-    is_good: bool = True
-    """False if the robot must not move by its camera before the change."""
+    state: State = State.OK
+
+    @property
+    def is_good(self) -> bool:
+        """False if the robot must not move by its camera before the change."""
+        return self.state not in (State.WRONG, State.REFUSED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +112,11 @@ class Verdict:
     def is_good(self) -> bool:
         """True if no row says that something is wrong or refused."""
         return all(each.is_good for each in self.findings)
+
+    @property
+    def unknown(self) -> list[str]:
+        """What was not looked at, as something was not given."""
+        return [each.what for each in self.findings if each.state is State.UNKNOWN]
 
 
 def second_axes(moved: RobotMotion, tracks: Tracks) -> tuple[float, float]:
@@ -153,7 +171,7 @@ def judge(
     doubts = list(_of_film(tracks))
     why_no_offset = _no_offset(offset)
     if why_no_offset:
-        findings.append(Finding("clock offset", f"refused: {why_no_offset}", RECORD, is_good=False))
+        findings.append(Finding("clock offset", why_no_offset, RECORD, State.REFUSED))
     mistakes = [each.mistake for each in diagnosis.best.corrections]
     tied = bool(diagnosis.others)
     if not why_no_offset and max(axes[0] / SLIDES, axes[1] / TURNS) >= 1:
@@ -163,21 +181,17 @@ def judge(
     mixed = "" if is_turned or why_no_offset else _mixed(turned)
     if mixed:
         mistakes.append(mixed)
-        findings.append(Finding("mistake", mixed, MIXED, is_good=False))
+        findings.append(Finding("mistake", mixed, MIXED, State.WRONG))
     why = no_offset or mixed or _no_mount(diagnosis, mount, axes, tied)
     why_no_lever = (
         "its rotation is not known" if why else _no_lever(mount, axes, trusts_focal or trusts_along)
     )
     if not why_no_offset:
-        use_fit = not why
-        findings += (
-            _of_clock(offset, mount, late, use_fit=use_fit)
-            if stamped
-            else [_of_begin(tracks, mount.offset if use_fit else offset.value)]
-        )
+        fit = None if why else mount
+        findings += _of_clocks(offset, fit, float(tracks.times[0]), late, stamped=stamped)
     if why:
         change = TIED_CHANGE if why == TIED and believed is None else RECORD
-        findings.append(Finding("mount: rotation", f"refused: {why}", change, is_good=False))
+        findings.append(Finding("mount: rotation", why, change, State.REFUSED))
     else:
         findings.append(_rotation(mount, believed))
         if believed is not None:
@@ -185,7 +199,7 @@ def judge(
     if why_no_lever:
         change = LOOKS_ALIKE_CHANGE if why_no_lever == LOOKS_ALIKE else RECORD
         change = "" if why else change  # the row above has it
-        findings.append(Finding("mount: lever", f"refused: {why_no_lever}", change, is_good=False))
+        findings.append(Finding("mount: lever", why_no_lever, change, State.REFUSED))
     else:
         findings.append(_lever(mount, believed))
     if not why:
@@ -363,7 +377,7 @@ def _of_diagnosis(diagnosis: Diagnosis) -> list[Finding]:
                 "log and film",
                 "do not fit each other, and no mistake of the list explains it",
                 "compare frames and units with the manual; look for a scene that moves",
-                is_good=False,
+                State.WRONG,
             )
         ]
     best = diagnosis.best
@@ -377,48 +391,46 @@ def _of_diagnosis(diagnosis: Diagnosis) -> list[Finding]:
                 f"cannot tell {' from '.join(f'({name})' for name in names[:4])}"
                 + f" and {len(names) - 4} more" * (len(names) > 4),
                 "one of: " + " | ".join(remedies[:4]),
-                is_good=False,
+                State.WRONG,
             )
         ]
-    return [
-        Finding("mistake", each.mistake, each.remedy, is_good=False) for each in best.corrections
-    ]
+    return [Finding("mistake", each.mistake, each.remedy, State.WRONG) for each in best.corrections]
 
 
-def _of_clock(offset: Offset, mount: Mount, late: float, *, use_fit: bool) -> list[Finding]:
-    """Return the rows about the clocks."""
+def _of_clocks(
+    offset: Offset, mount: Mount | None, first: float, late: float, *, stamped: bool
+) -> list[Finding]:
+    """Return the rows about the clocks of log and film.
+
+    Args:
+        offset: Offset of the film's clock, from its optical flow.
+        mount: Fit of mount and clocks, which is more exact; None: it is not to be trusted.
+        first: Time of the film's first picture on the log's clock, without the offset [s].
+        late: How long before its stamp the middle of a picture was exposed [s]; 0: unknown.
+        stamped: Whether the film's times are stamps on the log's clock.
+    """
+    value, half = (offset.value, offset.half) if mount is None else (mount.offset, mount.halves[0])
+    if not stamped:
+        text = (
+            "the film has no stamps on the log's clock; its first picture fits best at "
+            f"{first + value:.3f} s of the log"
+        )
+        change = "give the stamps with which the robot's program pairs the pictures: --stamps"
+        return [Finding("clock offset", text, change, State.UNKNOWN)]
     when = "end of its exposure, last row" if late else "middle of its exposure, middle row"
-    value, half = (mount.offset, mount.halves[0]) if use_fit else (offset.value, offset.half)
-    rows = [
-        Finding(
-            "clock offset",
-            f"{MM * value:.2f} ms, +- {MM * half:.2f}: a picture with the stamp t was taken at "
-            f"t + offset on the log's clock ({when})",
-            f"add {MM * value:.2f} ms to the stamp of each picture" * (abs(value) > LATE),
-        )
-    ]
-    drift = mount.drift
-    if use_fit and abs(drift) > max(DRIFTS, mount.halves[mounts.DRIFT]):
-        rows.append(
-            Finding(
-                "clock drift",
-                f"{MM * drift:.2f} ms each second, +- {MM * mount.halves[mounts.DRIFT]:.2f}",
-                "stamp both by one clock, or synchronise them (chrony, PTP)",
-                is_good=False,
-            )
-        )
-    return rows
-
-
-def _of_begin(tracks: Tracks, offset: float) -> Finding:
-    """Return the row about the clocks for a film without stamps: where it was placed."""
-    begins = float(tracks.times[0]) + offset
-    return Finding(
-        "clock offset",
-        f"{NOT_CHECKED}the film has no stamps on the log's clock; its first picture fits best at "
-        f"{begins:.3f} s of the log",
-        "give the stamps with which the robot's program pairs the pictures: --stamps",
+    text = (
+        f"{MM * value:.2f} ms, +- {MM * half:.2f}: a picture with the stamp t was taken at "
+        f"t + offset on the log's clock ({when})"
     )
+    rows = [Finding("clock offset", text)]
+    if abs(value) > LATE:
+        change = f"add {MM * value:.2f} ms to the stamp of each picture"
+        rows = [Finding("clock offset", text, change, State.ADJUST)]
+    if mount is None or abs(mount.drift) <= max(DRIFTS, mount.halves[mounts.DRIFT]):
+        return rows
+    text = f"{MM * mount.drift:.2f} ms each second, +- {MM * mount.halves[mounts.DRIFT]:.2f}"
+    change = "stamp both by one clock, or synchronise them (chrony, PTP)"
+    return [*rows, Finding("clock drift", text, change, State.WRONG)]
 
 
 def _of_scale(
@@ -434,7 +446,7 @@ def _of_scale(
                 "focal length",
                 f"{mount.focal:.3f} times the given one, +- {half:.3f}",
                 "calibrate the camera, or correct the field of view" * off,
-                is_good=not off,
+                State.WRONG if off else State.OK,
             )
         )
     if known:
@@ -449,11 +461,13 @@ def _of_tag(tag: TagFit) -> Finding:
             "tag",
             f"it does not stand still: its corners are {tag.off:.1f} px off the fit",
             "fix the tag, or leave out --tag-mm",
-            is_good=False,
+            State.WRONG,
         )
     found = f"{MM * tag.side:.1f} mm, +- {MM * tag.half:.1f}; stated {MM * tag.stated:.1f}"
+    if tag.has_size:
+        return Finding("tag: side", found)
     change = "measure its black square, or correct the unit of the log's lengths"
-    return Finding("tag: side", found, change * (not tag.has_size), is_good=tag.has_size)
+    return Finding("tag: side", found, change, State.WRONG)
 
 
 def _against_believed(
@@ -472,11 +486,11 @@ def _against_believed(
         text = f"cannot tell {' from '.join(f'({name})' for name in names)}"
         found = text if len(names) > 1 else names[0]
         change = "correct --mount (or the camera's driver) by this turn"
-        return [Finding(AGAINST, found, change, is_good=False)]
+        return [Finding(AGAINST, found, change, State.WRONG)]
     if angle_of(turn) > half + ALIKE:
         found = f"the rotation differs by {np.degrees(angle_of(turn)):.1f} deg"
         change = "set the rotation that is found here, or calibrate the mount"
-        return [Finding(AGAINST, found, change, is_good=False)]
+        return [Finding(AGAINST, found, change, State.WRONG)]
     off = mount.arm - mount.rotation.T @ believed.lever
     if not has_lever or np.all(abs(off) < mount.halves[4:7] + CLOSE):
         return []
@@ -488,7 +502,7 @@ def _against_believed(
             f"{100 * off[2] / mount.depth:.0f} %"
         )
         change += "; or calibrate the camera"
-    return [Finding(AGAINST, found, change, is_good=False)]
+    return [Finding(AGAINST, found, change, State.WRONG)]
 
 
 def cubes() -> list[Array]:
