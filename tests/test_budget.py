@@ -120,6 +120,15 @@ def test_sources_that_a_scenario_cannot_have_are_named(changes, source, reason):
     assert bool(reason) == bool(found)
 
 
+def test_a_believed_size_counts_for_a_law_on_pixels_only_where_it_is_taken():
+    lens = ["camera.distortion=fisheye", "camera.coefficients=[0.0,0,0,0]"]
+    for changes, is_idle in (([], True), (lens, False)):
+        scenario = load("photometric", ["believed.size_factor=1.1", *changes])
+        with Episode(scenario, seen=False) as episode:
+            found = " ".join(idle_settings(episode))
+        assert ("believed.size_factor" in found) == is_idle
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [

@@ -17,6 +17,7 @@ from preloaded import Command
 from servoing import METRIC
 
 from servo.cli import run_command
+from servo.cli.outputs import Outputs
 from servo.loop.episode import Episode
 from servo.output.recording import log
 from servo.output.recording.destination import RecordingFile
@@ -241,3 +242,8 @@ def test_a_killed_run_keeps_its_recording_and_its_rows_to_the_last_second(tmp_pa
     assert len(frames) > images - lag
     assert rows["/plots/error", "Scalars:scalars"] > images - lag
     assert images > len(frames) - lag
+
+
+@pytest.mark.parametrize(("speed", "pace"), [(None, 1.0), (2.5, 2.5)])
+def test_a_viewer_shows_real_time_unless_a_speed_is_given(speed, pace):
+    assert Outputs(live=True, speed=speed).pace == pace

@@ -19,6 +19,7 @@ from photographed import (
 from servo.cli.main import app
 from servo.mistake import Mistake
 from servo.photo import sheet as sheets
+from servo.photo.detection import edge_width
 from servo.photo.fill import filled
 from servo.photo.photograph import largest_rectangle
 from servo.scenario.load import load
@@ -245,6 +246,31 @@ def test_a_hole_gets_the_texture_and_the_light_around_it(hole):
     found = filled(white, hole)[hole].astype(float)
     assert np.abs(found.mean(axis=(0, 2)) - image[hole].mean(axis=(0, 2))).max() < 9
     assert found.std(axis=0).mean() == pytest.approx(12, abs=2.5)
+
+
+@pytest.mark.parametrize(
+    ("size", "hole"),
+    [
+        ((40, 106), np.s_[5:35, 5:45]),
+        ((40, 106), np.s_[5:35, 61:101]),
+        ((106, 40), np.s_[5:45, 5:35]),
+        ((106, 40), np.s_[61:101, 5:35]),
+    ],
+    ids=["right", "left", "below", "above"],
+)
+def test_a_hole_is_filled_from_the_only_place_beside_it(size, hole):
+    picture = np.random.default_rng(0).integers(90, 110, (*size, 3)).astype(np.uint8)
+    white = picture.copy()
+    white[hole] = 255
+    assert filled(white, hole).max() < 120
+
+
+@pytest.mark.parametrize("is_upright", [True, False])
+def test_a_sharpest_edge_is_as_wide_as_the_ramp_that_it_is(is_upright):
+    ramp = np.interp(np.arange(100), [47, 53], [50, 170])
+    rows = np.tile(ramp, (100, 1))
+    image = np.dstack([rows if is_upright else rows.T] * 3).astype(np.uint8)
+    assert edge_width(image) == pytest.approx(6.0, rel=0.01)
 
 
 def test_where_there_is_no_room_for_a_filling_it_is_said():

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from math import sqrt
 
 import mujoco
 import numpy as np
@@ -8,14 +9,14 @@ from sim.camera.camera import CameraConfig
 from sim.camera.renderer import camera_pose
 from sim.geometry import log_se3
 from sim.kinematics.inverse_kinematics import reach
-from sim.kinematics.robot import CAMERA, Inversion, Robot, damped_inverse
+from sim.kinematics.robot import CAMERA, STOP_MARGIN, Inversion, Robot, damped_inverse
 from sim.models.assembly import build_model
 from sim.robots import arm, gantry
 from sim.targets import car
 
 
-def built(kind):
-    design = kind.Config().build(np.random.default_rng(0))
+def built(kind, **settings):
+    design = kind.Config(**settings).build(np.random.default_rng(0))
     target = car.Config().build(np.random.default_rng(0))
     model = build_model(480.0, CameraConfig(), design, target)
     return Robot(model, design), model, mujoco.MjData(model)
@@ -100,6 +101,18 @@ def test_a_joint_slows_down_before_its_limit_and_leaves_it_freely(robot):
     away, _, limited = machine.rates(data, np.array([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0]))
     assert not limited
     assert away[0] == pytest.approx(-0.5, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("room", "rate"),
+    [(0.01, 8.0 * 0.01), (0.04, sqrt(2.0 * (0.04 - 2.0 / 256))), (0.09, sqrt(2.0 * (0.09 - 2.0 / 256)))],
+)
+def test_a_joint_brakes_by_half_its_acceleration_and_then_exponentially(room, rate):
+    machine, model, data = built(gantry, acceleration=2.0)
+    pose_at(model, data, np.array([1.3 - STOP_MARGIN - room, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    towards, _, limited = machine.rates(data, np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    assert limited == ("x (range)",)
+    assert towards[0] == pytest.approx(rate)
 
 
 def test_solve_finds_the_joints_of_a_pose(robot):

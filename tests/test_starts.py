@@ -93,3 +93,12 @@ def test_features_that_are_asked_about_another_task_between(kind):
     found.values(other.goal)
     found.values(other)
     np.testing.assert_array_equal(found.values(sight), first)
+
+
+def test_an_appearance_lies_where_its_state_says():
+    white = np.full((60, 120, 3), 255, np.uint8)
+    for k, frame in enumerate(film(3, picture=white)):
+        rows, columns = np.nonzero(frame.image.min(axis=2) == 255)
+        # Indices of pixels: the first one's middle is at 0.
+        middle = (columns.mean() + 0.5, rows.mean() + 0.5)
+        assert middle == pytest.approx((FIRST.x + k, FIRST.y), abs=0.1)

@@ -50,6 +50,12 @@ def test_a_perfect_track_has_perfect_measures():
     assert (found["milliseconds"], found["evaluations"]) == (5.0, 5.0)
 
 
+@pytest.mark.parametrize(("right", "held"), [(12.0, 1.0), (15.0, 0.0)])
+def test_a_target_is_held_by_half_the_overlap(right, held):
+    """12 px to the right leave 28 / 52 of the rectangle of 40 px, and 15 px 25 / 55."""
+    assert measure_all(compared(straight(x=right), straight()))["held"] == held
+
+
 def test_pictures_that_cannot_be_read_cost_no_time():
     """They are not shown to the tracker: with more than half of them the median was 0."""
     exact = track(straight())

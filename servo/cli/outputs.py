@@ -53,6 +53,11 @@ class Outputs:
         """Paths of the film (MP4) and the log (MCAP) that were asked for."""
         return [path for path in (self.video, self.mcap) if path is not None]
 
+    @property
+    def pace(self) -> float:
+        """Simulated seconds in a second of the wall clock in a live viewer."""
+        return self.speed or 1.0
+
     def check(self) -> None:
         """Check the options, before anything is written; a file to write is made and removed again
         as a trial.
@@ -120,7 +125,7 @@ class Outputs:
             from servo.output.recording.log import RerunLog
 
             sink = _shown(viewer, _film_of(episode), partial(RerunLog, episode=episode))
-            found[VIEWER] = PacedSink(sink, self.speed or 1.0, lambda step: step.frame.time)
+            found[VIEWER] = PacedSink(sink, self.pace, lambda step: step.frame.time)
         if self.server is not None:
             found["ROS 2"] = self.server.serving(episode)
         return found
@@ -155,8 +160,7 @@ class Outputs:
 
             found[VIEWER] = _shown(viewer, film, partial(TrackLog, region=region))
             if source.count is not None:  # a live source has a pace of its own
-                speed = self.speed or 1.0
-                found[VIEWER] = PacedSink(found[VIEWER], speed, lambda shot: shot.picture.time)
+                found[VIEWER] = PacedSink(found[VIEWER], self.pace, lambda shot: shot.picture.time)
         return found
 
 

@@ -191,14 +191,14 @@ def _print_rule(console: Console, claim: Claim) -> None:
     """Print a claim and the rule by which its runs will be judged."""
     console.print(f"\n[bold]{claim.name}[/] {escape(claim.says)}", highlight=False)
     for name, text in asdict(claim.rule).items():
-        console.print(f"  {name + ':':9} {escape(text)}", highlight=False)
+        plain(console, f"  {name + ':':9} {text}")
 
 
 def _print(console: Console, verdict: Verdict) -> None:
     word = f"[{TONES[verdict.finding]}]{WORDS[verdict.finding]}[/]"
     effect = escape(f"{words(verdict.effect, verdict.unit)}, {verdict.count} units")
     console.print(f"  verdict:  {word}: {effect}", highlight=False)
-    console.print(f"  measured: {escape(verdict.measured)}", highlight=False)
+    plain(console, f"  measured: {verdict.measured}")
     if verdict.table:
         head, *rows = verdict.table
         print_table(console, Table(head, rows, words=range(len(head))))

@@ -175,9 +175,8 @@ class Witness:
         part = np.ascontiguousarray(image[top:bottom, left:right])
         grey = cv2.cvtColor(part, cv2.COLOR_RGB2GRAY)
         size = (max((right - left) // shrink, 2), max((bottom - top) // shrink, 2))
-        if size != grey.shape[::-1]:
-            grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
-        self._grey = grey.astype(np.float32)
+        smaller = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+        self._grey = smaller.astype(np.float32)
         self._from = np.array([left, top, 0.0, 0.0])
         self._to = np.array([shrink, shrink, 1.0, 1.0])
         self._larger = np.array([0.0, 0.0, 0.0, math.log(shrink)])
