@@ -112,7 +112,8 @@ def test_the_site_has_every_example_and_what_it_says_of_attributes(site):
     scripts = {path.stem for path in (ROOT / "servo" / "examples").glob("[a-z]*.py")}
     assert set(re.findall(r"<h2>(\w+)<", page)) == scripts
     python = (site / "servo" / "docs" / "api.html").read_text()
-    assert "Of the lens; None: there is none." in python  # not "Of the lens; None" as a type
+    said = "Distortion of the lens; None: a lens without distortion (pinhole)."
+    assert said in python  # not "Distortion of the lens; None" as a type
 
 
 @pytest.mark.processes

@@ -1,17 +1,19 @@
 """Hidden robots, planted mistakes, recordings that must be refused and clean ones: what
 `servobench preflight` says of each.
 
-    python tests/benchmarks/preflight.py --robots 12 --mistakes 20 --out /tmp/preflight
+    python tests/benchmarks/preflight.py --robots 12 --mistakes 20 --seed 1000 --out /tmp/preflight
 
 Films and lines are kept in the folder: the same command continues. Prints a line for each recording, then
-the table of servo/RESULTS.md.
+the table of servo/RESULTS.md. Another seed gives other motions and robots.
 """
 
 import argparse
 import json
+import os
 import pickle
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -85,9 +87,10 @@ def tracks_of(film, folder):
     )
     path = folder / f"{key}.pkl"
     if not path.exists():
-        with path.with_suffix(".part").open("wb") as file:
+        half = path.with_suffix(f".{os.getpid()}.part")
+        with half.open("wb") as file:
             pickle.dump(replace(film.tracks(), middles=[]), file)
-        path.with_suffix(".part").rename(path)
+        half.rename(path)
     return pickle.loads(path.read_bytes())
 
 
@@ -236,12 +239,13 @@ def plainly(value):
     )
 
 
-def robots(count):
+def robots(count, seed):
     """Hidden robots, each with a film of its own; every second one has a wrong focal length."""
     for k in range(count):
-        rng = np.random.default_rng([k, 11])
+        rng = np.random.default_rng([seed + k, 11])
         focal = 1.0 if k % 2 == 0 else 1 + rng.uniform(0.03, 0.1) * rng.choice([-1, 1])
-        yield Case(f"robot {k}", Film(seed=100 + k), Robot.drawn(200 + k), focal=focal)
+        film, robot = Film(seed=seed + 100 + k), Robot.drawn(seed + 200 + k)
+        yield Case(f"robot {k}", film, robot, focal=focal)
 
 
 # The spoilers: what a user's program does wrong.
@@ -300,11 +304,11 @@ def stated(robot, turn=(0.0, 0.0, 0.0)):
 MIRROR = ("mirrored", "wrong sign in all axes")
 
 
-def mistakes(count):
+def mistakes(count, seed):
     """Planted mistakes, the most usual ones first."""
-    film = [Film(seed=100 + k) for k in range(6)]
-    r = [Robot.drawn(300 + k) for k in range(40)]
-    arm = JointFilm(seed=50)
+    film = [Film(seed=seed + 100 + k) for k in range(6)]
+    r = [Robot.drawn(seed + 300 + k) for k in range(40)]
+    arm = JointFilm(seed=seed + 50)
     order_w = columns(0, 1, 2, 6, 3, 4, 5)
     signed = "sign of {} of the position"
     cases = [
@@ -475,55 +479,67 @@ def mistakes(count):
         yield Case(name, here, robot, **of)
 
 
-def refused():
+def refused(seed):
     """Recordings that cannot answer."""
-    r = [Robot.drawn(400 + k) for k in range(12)]
+    r = [Robot.drawn(seed + 400 + k) for k in range(12)]
     one, only = (1.0, 0, 0, 0, 0, 0), (1.0, 1.0, 1.0, 0, 0, 0)
-    yield Case("one slide", Film(500, 20, moves=one), r[0], refused=("mount", "lever"))
+    yield Case("one slide", Film(seed + 500, 20, moves=one), r[0], refused=("mount", "lever"))
     yield Case(
-        "one turn", Film(501, 20, moves=(0, 0, 0, 0, 0, 1.0)), r[1], refused=("mount", "lever")
+        "one turn",
+        Film(seed + 501, 20, moves=(0, 0, 0, 0, 0, 1.0)),
+        r[1],
+        refused=("mount", "lever"),
     )
-    yield Case("slides only", Film(502, 20, moves=only), r[2], refused=("lever",))
+    yield Case("slides only", Film(seed + 502, 20, moves=only), r[2], refused=("lever",))
     yield Case(
-        "turns only", Film(503, 20, moves=(0, 0, 0, 1.0, 1.0, 1.0)), r[3], refused=("lever",)
+        "turns only", Film(seed + 503, 20, moves=(0, 0, 0, 1.0, 1.0, 1.0)), r[3], refused=("lever",)
     )
-    yield Case("four seconds", Film(504, 4.5), r[4], refused=("mount", "lever"))
-    film = Film(505, 20)
+    yield Case("four seconds", Film(seed + 504, 4.5), r[4], refused=("mount", "lever"))
+    film = Film(seed + 505, 20)
     yield Case(
         "film of another motion",
         film,
         r[5],
-        other=Film(506, 20),
+        other=Film(seed + 506, 20),
         refused=("offset", "mount", "lever"),
     )
     yield Case(
-        "closed loop, line", LoopFilm(507, 14, scenario="line"), r[6], refused=("mount", "lever")
+        "closed loop, line",
+        LoopFilm(seed + 507, 14, scenario="line"),
+        r[6],
+        refused=("mount", "lever"),
     )
     yield Case(
         "closed loop, circle",
-        LoopFilm(508, 14, scenario="circle"),
+        LoopFilm(seed + 508, 14, scenario="circle"),
         r[7],
         refused=("mount", "lever"),
     )
-    yield Case("dark", Film(509, 20, dark=0.02), r[8], refused=("mount", "lever"))
-    yield Case("hardly any motion", Film(510, 20, size=0.01), r[9], refused=("mount", "lever"))
-
-
-def clean():
-    """Clean recordings of other kinds."""
-    r = [Robot.drawn(600 + k) for k in range(12)]
-    yield Case("20 s", Film(601, 20), r[0])
-    yield Case("log at 50 Hz", Film(602, 30), replace(r[1], rate=50.0))
-    yield Case("log at 250 Hz", Film(603, 30), replace(r[2], rate=250.0))
+    yield Case("dark", Film(seed + 509, 20, dark=0.02), r[8], refused=("mount", "lever"))
     yield Case(
-        "no noise", Film(604, 30), replace(r[3], position_noise=0.0, turn_noise=0.0, jitter=0.0)
+        "hardly any motion", Film(seed + 510, 20, size=0.01), r[9], refused=("mount", "lever")
     )
-    yield Case("noisy log", Film(605, 30), replace(r[4], position_noise=1e-3, turn_noise=2e-3))
-    yield Case("15 pictures a second", Film(606, 40, rate=15), r[5])
-    yield Case("half as bright", Film(607, 30, dark=0.5), r[6])
-    yield Case("smaller motion", Film(608, 40, size=0.6), r[7])
-    yield Case("twists", Film(101), r[8], kind=Kind.TWISTS)
-    yield Case("joints", JointFilm(seed=50), r[9], kind=Kind.JOINTS)
+
+
+def clean(seed):
+    """Clean recordings of other kinds."""
+    r = [Robot.drawn(seed + 600 + k) for k in range(12)]
+    yield Case("20 s", Film(seed + 601, 20), r[0])
+    yield Case("log at 50 Hz", Film(seed + 602, 30), replace(r[1], rate=50.0))
+    yield Case("log at 250 Hz", Film(seed + 603, 30), replace(r[2], rate=250.0))
+    yield Case(
+        "no noise",
+        Film(seed + 604, 30),
+        replace(r[3], position_noise=0.0, turn_noise=0.0, jitter=0.0),
+    )
+    yield Case(
+        "noisy log", Film(seed + 605, 30), replace(r[4], position_noise=1e-3, turn_noise=2e-3)
+    )
+    yield Case("15 pictures a second", Film(seed + 606, 40, rate=15), r[5])
+    yield Case("half as bright", Film(seed + 607, 30, dark=0.5), r[6])
+    yield Case("smaller motion", Film(seed + 608, 40, size=0.6), r[7])
+    yield Case("twists", Film(seed + 101), r[8], kind=Kind.TWISTS)
+    yield Case("joints", JointFilm(seed=seed + 50), r[9], kind=Kind.JOINTS)
 
 
 def rms(values):
@@ -597,6 +613,21 @@ def summary(lines):
     return "\n".join("| " + " | ".join(row) + " |" for row in (*rows[:1], ("---",) * 3, *rows[1:]))
 
 
+def cases(given):
+    """All recordings that are asked for, by their part of the table."""
+    return {
+        "robots": list(robots(given.robots, given.seed)),
+        "clean": list(clean(given.seed))[: given.clean],
+        "mistakes": list(mistakes(given.mistakes, given.seed)),
+        "refused": list(refused(given.seed))[: given.refused],
+    }
+
+
+def judged(given, part, number):
+    """The line of a recording; a worker makes the recording again, whose functions cannot be sent."""
+    return {"part": part, **line_of(cases(given)[part][number], given.out)}
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", type=int, default=12)
@@ -604,27 +635,27 @@ def main():
     parser.add_argument("--refused", type=int, default=10)
     parser.add_argument("--clean", type=int, default=10)
     parser.add_argument("--only", default="", help="part of the names of recordings")
+    parser.add_argument("--seed", type=int, default=0, help="other motions and robots")
+    parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("/tmp/preflight"))
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    parts = {
-        "robots": list(robots(given.robots)),
-        "clean": list(clean())[: given.clean],
-        "mistakes": list(mistakes(given.mistakes)),
-        "refused": list(refused())[: given.refused],
-    }
     path = given.out / "lines.jsonl"
     lines = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
     done = {(line["part"], line["name"]) for line in lines}
-    with path.open("a") as file:
-        for part, cases in parts.items():
-            for case in cases:
-                if given.only in case.name and (part, case.name) not in done:
-                    line = {"part": part, **line_of(case, given.out)}
-                    lines.append(line)
-                    file.write(json.dumps(line) + "\n")
-                    file.flush()
-                    print(json.dumps(line), flush=True)  # noqa: T201
+    left = [
+        (part, number)
+        for part, every in cases(given).items()
+        for number, case in enumerate(every)
+        if given.only in case.name and (part, case.name) not in done
+    ]
+    with path.open("a") as file, ProcessPoolExecutor(given.workers) as pool:
+        for future in as_completed([pool.submit(judged, given, *which) for which in left]):
+            line = future.result()
+            lines.append(line)
+            file.write(json.dumps(line) + "\n")
+            file.flush()
+            print(json.dumps(line), flush=True)  # noqa: T201
     print(summary(lines))  # noqa: T201
 
 
