@@ -182,3 +182,13 @@ def test_weights_and_equations_are_those_of_plain_numpy():
     share = min(1.0, weights.sum() / (0.8 * 50))
     expected = cov[0, 1] / np.sqrt(cov[0, 0] * cov[1, 1]) * share
     assert plane_alignment.correlation(seen, template, weights) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_step_moves_the_picture_back():
+    rng = np.random.default_rng(0)
+    H = np.diag([50.0, 40.0, 1.0]) + rng.normal(size=(3, 3))
+    d = rng.normal(0.0, 0.1, 10)
+    step = np.array([[1 + d[0], d[1], d[2]], [d[3], 1 + d[4], d[5]], [d[6], d[7], 1.0]])
+    wanted = H @ np.linalg.inv(step)
+    found = plane_alignment.moved_back(H, d)
+    np.testing.assert_allclose(found, wanted / wanted[2, 2], rtol=1e-12, atol=1e-12)

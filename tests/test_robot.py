@@ -105,7 +105,11 @@ def test_a_joint_slows_down_before_its_limit_and_leaves_it_freely(robot):
 
 @pytest.mark.parametrize(
     ("room", "rate"),
-    [(0.01, 8.0 * 0.01), (0.04, sqrt(2.0 * (0.04 - 2.0 / 256))), (0.09, sqrt(2.0 * (0.09 - 2.0 / 256)))],
+    [
+        (0.01, 8.0 * 0.01),
+        (0.04, sqrt(2.0 * (0.04 - 2.0 / 256))),
+        (0.09, sqrt(2.0 * (0.09 - 2.0 / 256))),
+    ],
 )
 def test_a_joint_brakes_by_half_its_acceleration_and_then_exponentially(room, rate):
     machine, model, data = built(gantry, acceleration=2.0)

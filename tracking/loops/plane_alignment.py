@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sim.compiled import compiled
 from sim.types import Array
+from tracking.loops.descent import solved
 
 Template = tuple[Array, Array, Array, NDArray[np.intp]]
 """Points (n, 2) of a template, its brightness there (n,), derivatives (n, 8), and the cells (n,) of
@@ -231,6 +232,33 @@ def misfit(weights: Array, sigma: float, spread: float) -> float:
 
 
 @compiled(error_model="numpy")
+def moved_back(H: Array, d: Array) -> Array:
+    """Return a homography H (3, 3) times the inverse of the step with the parameters d (8,), scaled
+    so that its last element is 1.
+
+    The step is one of the template, and so its inverse moves the picture (inverse compositional).
+    The sums have a fixed order: those of BLAS and LAPACK differ between processors.
+    """
+    a, b, c = 1.0 + d[0], d[1], d[2]
+    e, f, g = d[3], 1.0 + d[4], d[5]
+    h, i = d[6], d[7]
+    # The inverse but for its scale (adjugate matrix); the scale ends in the last line.
+    inverse = np.array(
+        [
+            [f - g * i, c * i - b, b * g - c * f],
+            [g * h - e, a - c * h, c * e - a * g],
+            [e * i - f * h, b * h - a * i, a * f - b * e],
+        ]
+    )
+    at = np.zeros((3, 3))
+    for row in range(3):
+        for column in range(3):
+            for k in range(3):
+                at[row, column] += H[row, k] * inverse[k, column]
+    return at / at[2, 2]
+
+
+@compiled(error_model="numpy")
 def align(
     image: NDArray[np.float32],
     begin: Array,
@@ -274,14 +302,11 @@ def align(
             spread = gain * np.std(template)
             return at, np.array([gain, bias]), alike, misfit(weights, sigma, spread)
         A, g = normal_equations(error, weights, rows, template, gain)
-        d = np.linalg.solve(A, g)
+        d = solved(A, g)
         size = np.max(np.abs(d[:8]))
         if not size < LARGEST_STEP:
             return at, light, 0.0, np.inf
         gain = min(max(gain + d[8], 1.0 / LARGEST_GAIN), LARGEST_GAIN)
         bias = bias + d[9]
-        # Inverse compositional: the step is one of the template, so its inverse moves the picture.
-        step = np.array([[1 + d[0], d[1], d[2]], [d[3], 1 + d[4], d[5]], [d[6], d[7], 1.0]])
-        at = at @ np.linalg.inv(step)
-        at = at / at[2, 2]
+        at = moved_back(at, d)
         k = most if size < tolerance else k + 1

@@ -21,7 +21,9 @@ def homography(source: Array, target: Array) -> Array:
 
 def through(H: Array, points: Array) -> Array:
     """Return the points (n, 2) to which a homography (3, 3) maps points (n, 2)."""
-    seen = np.column_stack([points, np.ones(len(points))]) @ H.T
+    # Sums in a fixed order: those of a matrix product differ between processors.
+    x, y = points[:, :1], points[:, 1:]
+    seen = x * H[:, 0] + y * H[:, 1] + H[:, 2]
     return seen[:, :2] / seen[:, 2:]
 
 
