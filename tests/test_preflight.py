@@ -211,7 +211,7 @@ def test_a_small_recording_becomes_a_page_and_a_scenario_that_runs(tmp_path):
         writer.writerows(rows)
     words = [tmp_path / "log.csv", tmp_path / "film.mp4", "--fov", "57.82", "--on", "still"]
     out = tmp_path / "twin"
-    done = CliRunner().invoke(app, ["twin", *map(str, words), "--out", str(out)])
+    done = CliRunner().invoke(app, ["twin", *map(str, words), "--no-replay", "--out", str(out)])
     assert done.exit_code in (0, 1), done.output
     assert "clock offset" in done.output
     assert re.search(r"commands +ok +followed \d+ ms later", done.output)
@@ -220,8 +220,10 @@ def test_a_small_recording_becomes_a_page_and_a_scenario_that_runs(tmp_path):
     assert scenario.robot.lag_ms == pytest.approx(40, abs=12)
     assert scenario.camera.fx == pytest.approx(289.7, abs=0.5)
     assert abs(scenario.believed.clock_offset_ms) < 8
-    assert (out / "report.html").read_text().count("<section") == 1
-    assert (out / "replay.mp4").stat().st_size > 10_000
+    page = (out / "report.html").read_text()
+    assert page.count("<section") == 1
+    assert "--no-replay" in page
+    assert sorted(path.name for path in out.iterdir()) == ["report.html", "twin.toml"]
 
 
 @pytest.mark.wide
@@ -272,6 +274,7 @@ def test_a_bag_is_log_and_film_and_its_replay_is_a_recording_for_rerun(tmp_path)
     done = CliRunner().invoke(app, words)
     assert done.exit_code in (0, 1), done.output
     assert load(out / "twin.toml").robot.lag_ms == pytest.approx(40, abs=12)
+    assert (out / "replay.mp4").stat().st_size > 10_000
     seen = set()
     for chunk in RrdReader(str(out / "replay.rrd")).stream():
         batch = chunk.to_record_batch()

@@ -608,6 +608,11 @@ def preflight() -> None:
     metavar="X,Y,W,H[,DEG]",
     help="With --tracker: the target in the film's first picture [px, deg].",
 )
+@click.option(
+    "--no-replay",
+    is_flag=True,
+    help="Leave out the film of the recording beside its simulation, which takes longest.",
+)
 @opt.twin_options
 @opt.out_option("runs/twin-LOG")
 def twin() -> None:

@@ -63,6 +63,7 @@ def run(
     base: str | None,
     tracker: Sequence[str],
     region: str | None,
+    no_replay: bool,
     out: Path | None,
     **options: object,
 ) -> int:
@@ -77,6 +78,7 @@ def run(
         base: The scenario to begin with; None: that of the log's joints, or "line".
         tracker: Trackers to run on the recorded pictures, as NAME or NAME=WHAT.
         region: The target in the film's first picture, for them: "X,Y,W,H[,DEG]" [px, deg].
+        no_replay: True to leave out the film and the Rerun recording.
         out: The folder to write; None: the next free runs/twin-LOG.
         **options: The other fields of `Given`, by name.
 
@@ -108,7 +110,9 @@ def run(
     blocks = [Block("The scenario", code=[text])]
     if region is not None:
         blocks.append(_others(given, table, compared, begins, base, tracker, region, console))
-    if stands:
+    if no_replay:
+        plain(console, "no replay: --no-replay")
+    elif stands:
         plain(console, "no replay: the film does not show where the target is in the hand")
     elif compared.verdict.mount is not None:
         plain(
@@ -118,9 +122,9 @@ def run(
         blocks += _replay(given, compared, camera, begins, written, folder, console)
     else:
         plain(console, "no replay: the mount is refused")
-    again = made(given, "twin", on=base, tracker=tracker, region=region)
+    again = made(given, "twin", on=base, tracker=tracker, region=region, no_replay=no_replay)
     with writing(folder):
-        section = sections.section(compared, folder, again, blocks)
+        section = sections.section(compared, folder, again, blocks, kind="twin")
         page = atomic.write(folder, PAGE, render([section]))
     plain(console, str(page), after(compared, f"servobench tune {written}"))
     return 0 if compared.verdict.is_good else 1

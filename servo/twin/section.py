@@ -54,7 +54,13 @@ def table(compared: Comparison) -> Table:
     return Table(("", "", "found", "what to change"), rows, range(4), LEGEND)
 
 
-def section(compared: Comparison, folder: Path, made: Made, more: Sequence[Block] = ()) -> Section:
+def section(
+    compared: Comparison,
+    folder: Path,
+    made: Made,
+    more: Sequence[Block] = (),
+    kind: str = "pre-flight",
+) -> Section:
     """Return the section of an HTML page about a comparison of log and film.
 
     Args:
@@ -62,6 +68,7 @@ def section(compared: Comparison, folder: Path, made: Made, more: Sequence[Block
         folder: The folder of the page.
         made: The command line and the versions of the packages.
         more: Further blocks of the page.
+        kind: What the page shows.
     """
     verdict = compared.verdict
     tracks = compared.tracks
@@ -99,7 +106,7 @@ def section(compared: Comparison, folder: Path, made: Made, more: Sequence[Block
         again(made),
     ]
     badge = Badge.of(verdict.is_good, "ready", "not ready")
-    return Section("pre-flight", "Log against film", lead, badge, facts, blocks, str(folder))
+    return Section(kind, "Log against film", lead, badge, facts, blocks, str(folder))
 
 
 def curve(compared: Comparison) -> Drawing:
