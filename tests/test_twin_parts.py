@@ -497,6 +497,13 @@ def test_what_is_strange_in_a_film_is_a_doubt():
     assert verdict(tracks=replace(TRACKS, dark=0.3), at=mount(stray=0.3)).doubts == []
 
 
+@pytest.mark.parametrize(("cost", "count"), [(0.129, 0), (0.131, 1)])
+def test_a_film_that_log_and_noise_do_not_explain_is_doubted(cost, count):
+    doubts = verdict(diagnosis=diagnosed(cost=cost)).doubts
+    assert len(doubts) == count
+    assert "".join(doubts).startswith("log and noise do not explain all motion" * count)
+
+
 @pytest.mark.parametrize(
     ("stated", "sentence"),
     [

@@ -35,6 +35,9 @@ SCATTERED = 3.0
 """Largest scatter of the scene's planes."""
 MANY_STRAY = 0.3
 """Share of points off the fit above which the scene itself seems to move."""
+UNEXPLAINED = 1.3
+"""Cost of the best fit, over that of the best motion of each pair of pictures, above which its
+intervals are doubted: simulated recordings with an ordinary log stay below."""
 DARK = 0.3
 """Share of dark pictures above which a film is too dark."""
 LATE = 5e-3
@@ -205,11 +208,7 @@ def judge(
     if not why:
         known = trusts_focal or trusts_along
         findings += _of_scale(mount, tag, trusts_along=trusts_along, known=known)
-        if mount.stray > MANY_STRAY:
-            doubts.append(
-                f"{100 * mount.stray:.0f} % of the points do not move with the scene: much of it "
-                "moves by itself, or is very near"
-            )
+        doubts += _of_fit(diagnosis, mount)
     return Verdict(
         findings,
         doubts,
@@ -367,6 +366,23 @@ def _of_film(tracks: Tracks) -> list[str]:
     return sentences
 
 
+def _of_fit(diagnosis: Diagnosis, mount: Mount) -> list[str]:
+    """Return doubts about a mount that is not refused."""
+    sentences: list[str] = []
+    if mount.stray > MANY_STRAY:
+        sentences.append(
+            f"{100 * mount.stray:.0f} % of the points do not move with the scene: much of it "
+            "moves by itself, or is very near"
+        )
+    if diagnosis.best.cost > UNEXPLAINED * diagnosis.floor:
+        sentences.append(
+            "log and noise do not explain all motion in the film: the scene is not flat, a part of "
+            "it moves, the log is noisy, or the lens is not as calibrated; the mount may be off by "
+            "more than its interval"
+        )
+    return sentences
+
+
 def _of_diagnosis(diagnosis: Diagnosis) -> list[Finding]:
     """Return the rows about mistakes."""
     if diagnosis.is_clean:
@@ -376,7 +392,8 @@ def _of_diagnosis(diagnosis: Diagnosis) -> list[Finding]:
             Finding(
                 "log and film",
                 "do not fit each other, and no mistake of the list explains it",
-                "compare frames and units with the manual; look for a scene that moves",
+                "compare frames and units with the manual; look for a scene that moves or is far "
+                "from flat",
                 State.WRONG,
             )
         ]
