@@ -891,6 +891,7 @@ def test_the_error_is_the_largest_of_those_that_the_benchmark_counts(what, expec
     assert errors_of(run, 5, what) == pytest.approx(expected)
 
 
+@pytest.mark.wide
 def test_a_tracker_also_gets_pictures_of_a_camera_that_it_does_not_steer():
     loop = load("loop-v2")
     worlds = loop.worlds_of(loop.conditions[0], Band("dev"))

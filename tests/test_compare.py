@@ -129,6 +129,7 @@ def test_one_command_writes_study_page_table_and_figures(monkeypatch, tmp_path):
     assert found(folder) == {"000000", "000001"}
 
 
+@pytest.mark.wide
 @pytest.mark.usefixtures("undrawn", "unprinted")
 def test_scenarios_of_different_lengths_share_no_curve_over_time(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)

@@ -151,6 +151,7 @@ OF_EXACT = 0.9
 have more of the noise from picture to picture that a difference lets through."""
 
 
+@pytest.mark.wide
 @pytest.mark.newest  # the limits are of its pictures
 def test_filters_let_as_much_noise_through_as_their_process_noise_should():
     found = rendered("line")

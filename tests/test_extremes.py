@@ -238,6 +238,7 @@ PLACES = ("controller", "estimator", "motion", "robot", "goal", "tracker")
 LOOP = [k for k in KINDS if k[0] in PLACES and k[1] not in OF_FILES and drawn_settings(k[2])]
 
 
+@pytest.mark.wide
 @settings(max_examples=30)
 @given(st.sampled_from(LOOP).flatmap(lambda k: st.tuples(st.just(k), anything(k[2], k[0]))))
 def test_a_short_run_ends_normally_at_several_limits_at_once(drawn):

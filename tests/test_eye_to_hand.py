@@ -127,6 +127,7 @@ def test_the_closed_loop_beside_a_leader_is_that_of_visp(kind, changes):
     assert (max(fed) > 0.02) == (kind == "kalman_cv")
 
 
+@pytest.mark.wide
 def test_a_goal_beside_a_leader_is_tilted_as_the_leader_is():
     *_, end = measured_run(load("hand_follow", ["run.duration=4.0", "motion.tilt_deg=20"]))[0]
     goal = end.goal

@@ -87,6 +87,7 @@ def test_the_picture_at_the_goal_is_that_of_the_run_without_its_own_settings():
     assert np.abs(goal - first).max() <= 1.0
 
 
+@pytest.mark.wide
 def test_what_has_changed_since_is_in_one_of_both_pictures():
     plain = pictures("at_goal={}")
     bright = pictures("at_goal={}", "at_goal.camera_brightness=1.0")

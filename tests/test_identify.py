@@ -42,6 +42,7 @@ def run(*words):
     return CliRunner().invoke(app, ["identify", *map(str, words)])
 
 
+@pytest.mark.wide
 def test_the_intervals_cover_what_was_simulated(logged):
     path, delay = logged
     found = identify(read(path), SERVOS)
@@ -73,6 +74,7 @@ def test_the_lines_are_settings_and_a_picture_is_beside_them(logged, tmp_path):
     assert (tmp_path / "out" / "response.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.wide
 def test_what_a_log_has_in_vain_is_named_and_the_drives_own_servo_too(logged, tmp_path):
     table = pyarrow.csv.read_csv(logged[0])
     names = ["joint_x" if name == "joint_x_m" else name for name in table.column_names]
@@ -110,6 +112,7 @@ def test_the_formats_of_logs_are_read_alike(logged, tmp_path):
         np.testing.assert_array_equal(other.transport, first.transport)
 
 
+@pytest.mark.wide
 def test_what_a_table_of_steps_cannot_show_is_said(ran, tmp_path):
     """Also: a run of half a second is too short."""
     steps = pq.read_table(ran / "steps.parquet").to_pylist()

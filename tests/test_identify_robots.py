@@ -57,6 +57,7 @@ def test_the_whole_robot_is_said_as_a_user_measures_it_whatever_simulates_it(tmp
     assert "\n# this play is behind the lag; a simulated one is before it\n" in done.output
 
 
+@pytest.mark.wide
 def test_intervals_reach_to_a_channel_that_differs_and_a_line_says_so(tmp_path):
     gear_log(tmp_path / "x.csv", **{**SLIDE, "has_joint": False})
     gear_log(tmp_path / "y.csv", **{**SLIDE, "has_joint": False, "joint": "y_m", "delay": 0.065})

@@ -290,6 +290,7 @@ def test_a_camera_that_stays_half_a_turn_from_its_goal_is_measured():
     assert report.measures["out_of_view_pct"] == 0
 
 
+@pytest.mark.wide
 def test_the_turns_of_a_camera_add_up():
     changes = ["start={}", "start.angle_deg=60", "run.duration=6", "expect={}"]
     _, report = measured_run(load("small_hybrid", changes))

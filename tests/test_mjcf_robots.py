@@ -298,6 +298,7 @@ def test_a_urdf_with_unknown_inertias_is_driven_all_the_same(tmp_path):
     np.testing.assert_allclose(robot.rates_measured(data), 0.1, rtol=0.05)
 
 
+@pytest.mark.wide
 def test_a_home_that_looks_straight_up_is_no_obstacle(tmp_path):
     (tmp_path / "arm.urdf").write_text(urdf_arm())
     robot, _, data = built(model=str(tmp_path / "arm.urdf"), base=BASE)
@@ -311,6 +312,7 @@ def test_a_home_that_looks_straight_up_is_no_obstacle(tmp_path):
     assert reached.there or 0.0 < reached.angle <= np.pi
 
 
+@pytest.mark.wide
 def test_the_angle_that_is_left_is_right_up_to_half_a_turn(seven):
     robot, _, data = built(model=str(seven), base=BASE)
     far = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 9.0]))

@@ -34,6 +34,7 @@ far = { start.pose = [0.0, 0.0, 1.5, 0.0, 0.0, 20.0] }
 """
 
 
+@pytest.mark.wide
 def test_named_groups_are_axes_and_their_page_draws_the_ways(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").write_text(NAMED)

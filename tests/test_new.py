@@ -105,6 +105,7 @@ def test_each_part_keeps_its_contract_and_holds_the_target(
     assert all("{{" not in path.read_text() for path in files)
 
 
+@pytest.mark.wide
 def test_a_repository_of_scenarios_has_a_workflow_that_keeps_the_compiled_loops(tmp_path):
     files = new("scenarios", "my_scenes", tmp_path / "mine")
     names = sorted(str(path.relative_to(tmp_path / "mine")) for path in files)
@@ -136,6 +137,7 @@ def test_the_command_names_each_part():
     assert set(PARTS) == {*SECTIONS, "scenarios"}
 
 
+@pytest.mark.wide
 def test_the_bounds_of_a_new_scenario_notice_half_the_gain(tmp_path):
     new("scenarios", "ci", tmp_path / "repository")
     place = str(tmp_path / "repository" / "scenarios" / "ci.toml")

@@ -146,12 +146,14 @@ def test_the_sheets_place_is_filled_from_beside_it(folder, plain):
     assert abs(plain[there].mean() - plain[ring].mean()) < 12
 
 
+@pytest.mark.wide
 def test_of_several_photographs_the_one_that_shows_most_is_taken(plane, plain):
     near, _ = photograph(plane, (0.02, -0.1, 0.5))
     done = photo(write("near.png", near), write("far.png", plain), "--covered", "keep")
     assert ", of far.png" in done.output
 
 
+@pytest.mark.wide
 def test_a_sheet_of_another_size_makes_the_plane_larger(plain):
     write("a.png", plain)
     tiles = [

@@ -171,6 +171,7 @@ class Blind:
         return servo.Command(np.concatenate([there, np.zeros(3)]))
 
 
+@pytest.mark.wide
 def test_a_policy_that_does_not_look_has_fewer_than_5_points(tmp_path):
     benchmark = load("goal-v1")
     law = {

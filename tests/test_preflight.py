@@ -104,6 +104,7 @@ def in_frames(of_v, of_w, begin=FIXED, seconds=SECONDS):
     )
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(("of_v", "of_w"), [("base", "hand"), ("hand", "base")])
 def test_parts_of_a_twist_in_two_frames_are_named_and_no_mount_is_claimed(of_v, of_w):
     verdict = in_frames(of_v, of_w).verdict

@@ -35,6 +35,7 @@ def test_before_the_target_was_seen_no_camera_motion_moves_it():
     assert to_sight.ego(State(1.0, 2.0, 0.0, 1.0), np.ones(6), 0.1).tolist() == [0.0] * 4
 
 
+@pytest.mark.wide
 def test_a_pose_out_of_reach_is_not_reached():
     import mujoco
 

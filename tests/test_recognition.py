@@ -51,6 +51,7 @@ def test_a_target_out_of_the_picture_is_lost_within_a_second_and_found_again(kin
     assert np.hypot(end.state.x - sequence.states[-1, 0], end.state.y - sequence.states[-1, 1]) < 4
 
 
+@pytest.mark.wide
 def test_what_hides_the_target_is_not_learned_while_the_doubt_is_still_rising():
     """The smoothed doubt lags: by it alone the bar became a view, and the target was never LOST."""
     settings = Config(frames=100, away=0, hidden=35, turn_deg=10.0, zoom=1.2)

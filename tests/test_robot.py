@@ -128,6 +128,7 @@ def test_solve_finds_the_joints_of_a_pose(robot):
     np.testing.assert_allclose(machine.joints(data), q, atol=1e-8)
 
 
+@pytest.mark.wide
 def test_a_pose_is_reached_up_to_the_limits_of_the_joints_and_not_beyond(robot, monkeypatch):
     machine, model, data = robot
     wanted = pose_at(model, data, np.array([0.3, -0.4, 0.2, 1.0, 0.3, -0.2]))

@@ -80,6 +80,7 @@ def test_the_frozen_tracker_fails_where_the_real_one_does_not():
     assert others == {"outcome", "servo_rms_px"} == scenario.expect.keys()
 
 
+@pytest.mark.wide
 def test_six_degrees_of_freedom_tilt_the_camera_while_the_error_looks_fine():
     six = ["controller.kind=ibvs", 'controller.dof=["vx", "vy", "vz", "wx", "wy", "wz"]']
     report = report_of(load("line", [*six, "run.duration=6.0"]))
@@ -87,6 +88,7 @@ def test_six_degrees_of_freedom_tilt_the_camera_while_the_error_looks_fine():
     assert report.measures["servo_rms_px"] < 4.0
 
 
+@pytest.mark.wide
 def test_known_planes_and_the_papers_scaling_close_the_loop_too():
     scenario = load("still", ["sight.plane=known", "features.scaling=paper"], seed=3)
     report = report_of(scenario)
@@ -184,6 +186,7 @@ def test_parts_draw_from_streams_of_their_own():
     assert not np.array_equal(a, stream(5, "tracker").random(3))
 
 
+@pytest.mark.wide
 def test_a_square_region_is_followed_without_its_angle():
     steps = list(run(load("still", ["region.width=0.5", "run.duration=3.0", "start.angle_deg=10"])))
     assert steps[-1].servo_error < 30.0

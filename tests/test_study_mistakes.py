@@ -135,6 +135,7 @@ def path(tmp_path_factory):
     return tmp_path_factory.mktemp("fuzz") / "any.toml"
 
 
+@pytest.mark.wide
 @settings(max_examples=60)
 @given(st.sampled_from(TEXTS), st.data())
 def test_any_file_is_a_study_or_one_sentence(path, text, data):

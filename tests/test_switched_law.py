@@ -12,6 +12,7 @@ PACKAGE = Path(__file__).parent / "data" / "switched"
 PAGE = Path(__file__).parents[1] / "servo" / "tutorials" / "a_law_that_switches.md"
 
 
+@pytest.mark.wide
 def test_it_arrives_where_points_retreats_and_pose_loses_the_target(monkeypatch):
     """There `points` retreats by 0.67 m on a way of 2.55 m (scenario border_points), and `pose`
     loses a corner (border_pose)."""

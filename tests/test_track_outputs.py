@@ -100,6 +100,7 @@ def test_a_killed_track_leaves_a_video_and_a_recording_of_all_but_the_last_secon
     assert count - 40 < images <= count
 
 
+@pytest.mark.wide
 def test_few_open_files_are_enough(folder):
     code = (
         "import resource, sys; resource.setrlimit(resource.RLIMIT_NOFILE, (30, 30))\n"

@@ -43,6 +43,7 @@ def test_its_errors_are_as_large_as_it_says():
     np.testing.assert_allclose(np.diag(steps[0].estimate.covariance), [4, 4, 0.00274, 0.0016], 3e-3)
 
 
+@pytest.mark.wide
 def test_it_misses_a_share_of_the_pictures():
     steps = steps_of("line", "tracker.dropouts=0.3", "run.duration=10")
     unsure = np.mean([s.estimate.status is Status.UNSURE for s in steps])
