@@ -718,8 +718,14 @@ def test_a_film_without_stamps_has_no_offset_of_its_clock():
     ],
 )
 def test_the_last_line_says_whether_the_robot_may_move_and_what_is_unknown(states, line):
-    rows = [Finding(f"row {k}", "", state=state) for k, state in enumerate(states)]
+    rows = [Finding(f"row {k}", "", "turn it", state) for k, state in enumerate(states)]
     assert after(compared(verdict=Verdict(rows, [], None, None, False, False, [])), "twin") == line
+
+
+def test_the_last_line_asks_for_no_recording_that_is_not_needed():
+    found = compared(verdict=verdict(focal=False))
+    last = after(found, "twin")
+    assert last == "not ready: give what is asked for above, with the same recording"
 
 
 def test_a_table_has_a_word_for_each_finding():

@@ -117,6 +117,11 @@ class Verdict:
         return all(each.is_good for each in self.findings)
 
     @property
+    def is_enough(self) -> bool:
+        """True if this recording answers all, once what a row asks for is given."""
+        return all(each.is_good or each.change in ENOUGH for each in self.findings)
+
+    @property
     def unknown(self) -> list[str]:
         """What was not looked at, as something was not given."""
         return [each.what for each in self.findings if each.state is State.UNKNOWN]
@@ -225,6 +230,8 @@ TIED = "it differs between the mistakes that explain the recording"
 TIED_CHANGE = "give --mount from your drawing, which tells them apart: this recording is enough"
 LOOKS_ALIKE = "a lever along the optical axis looks as a wrong focal length does"
 LOOKS_ALIKE_CHANGE = "give --calibration, --fov, --along or --tag-mm: this recording is enough"
+ENOUGH = TIED_CHANGE, LOOKS_ALIKE_CHANGE, ""
+"""What to change where nothing has to be recorded again; empty: as the row above says."""
 
 
 def _no_offset(offset: Offset) -> str:
