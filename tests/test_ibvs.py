@@ -187,6 +187,15 @@ def test_a_smooth_start_waits_for_angle_and_size():
     np.testing.assert_allclose(twist, (1 - np.exp(-4.0 * DT)) * whole, atol=1e-12)
 
 
+def test_a_smooth_start_moves_nothing_for_features_that_are_no_longer_measured():
+    seen = sight(0.0, 0.0, 0.3, 1.2)
+    soft = started(Config(smooth_start=4.0))
+    soft.command(seen, STILL, DT)
+    assert np.abs(soft.command(seen, STILL, DT).twist).max() > 0.01
+    lost = replace(seen, angle_known=False, size_known=False)
+    np.testing.assert_allclose(soft.command(lost, STILL, DT).twist, 0.0, atol=1e-12)
+
+
 def test_weights_say_what_moves_and_the_features_decay_all_the_same():
     seen = sight(0.1, 0.05)
     for weight, share in ((1.0, 0.5), (0.1, 0.01)):

@@ -231,15 +231,13 @@ def test_what_may_not_move_stays():
     np.testing.assert_array_equal(command.twist[3:5], 0.0)
 
 
-def test_where_nothing_may_move_a_twist_beyond_a_limit_becomes_zero():
-    """A smooth start goes on after the angle, the only feature of the turn, is no longer known."""
-    sight = seen_in(pose_of([0.0, 0.0, 1.0], [0.0, 0.0, 0.5]), GOAL)
-    controller = law(sets=PAPER, dof=("wz",), smooth_start=1.0)
-    slow = at_joints(np.zeros(6), rate=0.05)
-    controller.command(sight, slow, DT)
-    command = controller.command(replace(sight, angle_known=False), slow, DT)
+def test_where_nothing_may_move_a_target_beyond_a_limit_of_the_view_changes_nothing():
+    """Only the turn may move, and the angle, its only feature, is not known."""
+    leaving = seen_in(pose_of([0.55, 0.0, 1.0], NO_TURN), GOAL)
+    controller = law(sets=PAPER, dof=("wz",))
+    command = controller.command(replace(leaving, angle_known=False), at_joints(np.zeros(6)), DT)
     np.testing.assert_array_equal(command.twist, 0.0)
-    assert command.limits == ("joint 6",)
+    assert command.limits == ("view right",)
 
 
 @pytest.mark.parametrize("camera", [CAMERA, LENS])

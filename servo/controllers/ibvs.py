@@ -267,7 +267,8 @@ class Ibvs:
         inverse, made = self._left_by_ranges(predicted, posture, way, dt)
         twist, asked, target = self._asked(inverse, predicted, made)
         if c.smooth_start > 0:
-            twist = twist + self._faded(asked, dt, seen)
+            # Only what moves the features that are still measured.
+            twist = twist + inverse.pseudo @ (inverse.L @ self._faded(asked, dt, seen))
         if c.secondary:
             twist = twist + c.secondary_gain * inverse.free @ twist_of(c.secondary, posture)
         if self._guard is None:
