@@ -22,9 +22,9 @@ MOST_NAMED = 3
 LEAST_NAMED = 0.2
 """Least contribution that it names, over the whole error."""
 ALONE = (
-    "A contribution is the root of the mean square error with this source alone, less that with "
-    "nothing wrong (noise and resolution: less that of the tracker). Errors of a calibration have "
-    "a sign or a direction that each seed draws. Errors in the picture are in px of the scenario's "
+    "A contribution is sqrt(mean square error with this source alone - that with nothing wrong; "
+    "for noise and resolution - that of the tracker). Errors of a calibration have a sign or a "
+    "direction that each seed draws. Errors in the picture are in px of the scenario's "
     "own resolution, rms over the last second."
 )
 DIVIDED = "Each bar is the error with all of them, divided as the squares of the contributions."
