@@ -218,3 +218,17 @@ def test_waits_are_used_if_their_range_is_at_most_8_times_that_of_their_middle_h
     log = read(path)
     assert len(log.transport) == (200 if is_used else 0)
     assert (log.clock == "") is is_used
+
+
+@pytest.mark.parametrize(("kept", "is_used"), [(0.62, True), (0.76, False)])
+def test_waits_are_used_if_consecutive_ones_are_hardly_alike(tmp_path, kept, is_used):
+    """Each wait keeps a part of the one before: their correlation is about this part."""
+    rng = np.random.default_rng(0)
+    waits = [0.02]
+    for noise in rng.normal(0.0, 0.003, 1999):
+        waits.append(0.02 + kept * (waits[-1] - 0.02) + noise)
+    time = np.arange(2000) / 16
+    columns = {"time_s": time, "command_x_m_s": np.sin(3 * time), "joint_x_m": np.cos(3 * time)}
+    path = tmp_path / "log.csv"
+    pyarrow.csv.write_csv(pa.table(columns | {"arrived_s": time + np.array(waits)}), path)
+    assert (len(read(path).transport) > 0) is is_used
