@@ -70,6 +70,7 @@ WALLS = {
     "test_checks::test_every_shipped_kind_keeps_its_contract",
     "test_closed_loop",
     "test_contracts",
+    "test_depth_points",
     "test_distortion::test_any_coefficients_are_a_camera_or_a_sentence",
     "test_estimation::test_innovations_in_the_rendered_loop",
     "test_estimation_errors::test_estimates_in_the_rendered_loop_are_as_wrong_as_they_say",

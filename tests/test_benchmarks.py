@@ -948,6 +948,7 @@ def test_rows_and_their_parts_are_made_of_all_worlds():
     assert found.worlds["reversal-00"].area == pytest.approx((0.75 + 0.5) / 3)
 
 
+@pytest.mark.wide
 def test_the_shipped_rows_have_a_page(monkeypatch, capfd, tmp_path):
     monkeypatch.chdir(tmp_path)
     for name, count in (("loop-v1", 21), ("servo-v1", 13), ("servo-v2", 13)):

@@ -285,6 +285,7 @@ def test_the_missing_extra_is_named(monkeypatch, tmp_path):
         docs_command.build(tmp_path)
 
 
+@pytest.mark.wide
 def test_the_missing_kernel_of_the_tutorials_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr(docs_command, "find_spec", lambda name: None)
     with pytest.raises(

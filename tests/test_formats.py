@@ -199,6 +199,7 @@ def test_the_page_of_each_folder_shows_the_stored_command(kind, monkeypatch, tmp
                 np.testing.assert_array_equal(first[name].to_numpy(), second[name].to_numpy())
 
 
+@pytest.mark.wide
 def test_the_scenario_on_the_page_repeats_the_run_as_well(monkeypatch, tmp_path):
     from servo.scenario import load as scenarios
 

@@ -251,6 +251,7 @@ def test_a_run_that_is_out_of_time_says_the_most_of_all_that_was_off(steps):
     )
 
 
+@pytest.mark.wide
 def test_a_run_that_ends_at_a_limit_names_the_joint(tmp_path, capsys, monkeypatch):
     """The gantry is to go higher than it can."""
     far = ["goal.depth=2.2", "start.scale=1.8", "tracker.kind=truth", "run.duration=4"]

@@ -40,6 +40,7 @@ def seven(tmp_path):
     return tmp_path / "arm.xml"
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("name", ["urdf", "seven"])
 def test_an_arm_that_nobody_tuned_follows_the_line(request, name):
     model = request.getfixturevalue(name)

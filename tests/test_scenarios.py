@@ -62,6 +62,7 @@ def test_bounds_are_kept(name):
         MORE[name](steps, report)
 
 
+@pytest.mark.wide
 def test_without_an_estimate_of_the_motion_the_lag_is_what_theory_says():
     lagging = report_of(load("line", ["estimator.kind=none", "run.duration=4.0"]))
     fed = report_of(load("line", ["run.duration=4.0"]))
@@ -108,6 +109,7 @@ def test_a_small_weight_on_the_turns_keeps_the_camera_almost_level():
     assert report_of(load("six_dof", weights)).measures["tilt_peak_deg"] < 1.0
 
 
+@pytest.mark.wide
 def test_a_goal_that_moves_is_followed():
     change = ["goal.change_start=1.0", "goal.change_duration=2.0", "run.duration=5.0"]
     with Episode(load("approach", change)) as loop:

@@ -33,6 +33,7 @@ def seven(tmp_path):
     return tmp_path / "arm.xml"
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("base", ["[0, 3, 0.6, -90]", "[0, 0.5, -2, -90]"])
 def test_a_base_that_is_too_far_away_is_a_sentence(seven, base):
     changes = ["robot.kind=mjcf", f"robot.model={seven}", f"robot.base={base}"]
