@@ -1003,7 +1003,7 @@ def test_home_rows_are_grey_and_guests_are_named(public):
     assert full == (guests or {of[0] for of in table.rows})
     (section,) = [benchmark_section.published_section(public.name)]
     keys = {key.label for key in section.blocks[0].figures[0].keys}
-    numbers = {"servo-v1": 12, "servo-v2": 12, "goal-v1": 6, "loop-v2-all": 5}
+    numbers = {"servo-v1": 12, "servo-v2": 12, "goal-v1": 6, "loop-v2-all": 11}
     assert keys == {*guests, "still", "truth"} if guests else len(keys) == numbers[public.name]
 
 
