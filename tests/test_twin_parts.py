@@ -489,19 +489,13 @@ def test_what_is_just_inside_a_limit_is_good(changes):
 
 def test_what_is_strange_in_a_film_is_a_doubt():
     film = replace(TRACKS, dark=0.31, cuts=[1.0, 2.0, 3.0, 4.0, 5.0])
-    assert verdict(tracks=film, at=mount(stray=0.31)).doubts == [
+    assert verdict(tracks=film, at=mount(stray=0.11)).doubts == [
         "31 % of the pictures are dark: expose longer",
         "the film is cut, or jumps, 5 times (at 1.00, 2.00, 3.00, 4.00 s on the log's clock)",
-        "31 % of the points do not move with the scene: much of it moves by itself, or is very near",
+        "11 % of the points do not move with the scene: a part of it moves by itself, or is very near; "
+        "the mount may be off by more than its interval",
     ]
-    assert verdict(tracks=replace(TRACKS, dark=0.3), at=mount(stray=0.3)).doubts == []
-
-
-@pytest.mark.parametrize(("cost", "count"), [(0.129, 0), (0.131, 1)])
-def test_a_film_that_log_and_noise_do_not_explain_is_doubted(cost, count):
-    doubts = verdict(diagnosis=diagnosed(cost=cost)).doubts
-    assert len(doubts) == count
-    assert "".join(doubts).startswith("log and noise do not explain all motion" * count)
+    assert verdict(tracks=replace(TRACKS, dark=0.3), at=mount(stray=0.1)).doubts == []
 
 
 @pytest.mark.parametrize(
