@@ -185,8 +185,8 @@ class Benchmark:
 
     @cached_property
     def hash(self) -> str:
-        """Digest, 16 hexadecimal digits, of the benchmark's TOML file, the frozen settings, the
-        models and pictures of its scenes, and the published worlds ("v1").
+        """First 16 hexadecimal digits of the SHA-256 digest of the benchmark's TOML file, the
+        frozen settings, the models and pictures of its scenes, and the published worlds ("v1").
         """
         found = hashlib.sha256(self.text.encode())
         found.update(json.dumps(self.frozen, sort_keys=True).encode())

@@ -163,8 +163,7 @@ def after(compared: Comparison, command: str) -> str:
     """
     verdict = compared.verdict
     if verdict.is_good:
-        unknown = ", ".join(verdict.unknown)
-        return f"ready{f', but unknown: {unknown}' * bool(unknown)}. Next: {command}"
+        return f"{verdict.summary}. Next: {command}"
     if verdict.is_enough:
         return "not ready: give what is asked for above, with the same recording"
     return "not ready: correct what is wrong, or refused, and record again"

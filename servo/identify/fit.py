@@ -246,8 +246,8 @@ class _Model:
         return found
 
     def slopes(self, parameters: Array) -> list[float]:
-        """Return the ratio of motion to modelled motion of each channel; friction is fitted
-        separately.
+        """Return the ratio (unitless) of motion to modelled motion of each channel, in the order of
+        the channels; friction is fitted separately.
         """
         pairs = zip(self._moved, self._bases(parameters), strict=True)
         return [float(_weights(basis, moved)[0]) for moved, basis in pairs]

@@ -105,7 +105,7 @@ def section(
         Block("Pictures of the film", pictures=pictures, folded=True),
         again(made),
     ]
-    badge = Badge.of(verdict.is_good, "ready", "not ready")
+    badge = Badge.of(verdict.is_good, verdict.summary)
     return Section(kind, "Log against film", lead, badge, facts, blocks, str(folder))
 
 

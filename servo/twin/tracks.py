@@ -239,13 +239,13 @@ def corners(grey: Image) -> NDArray[np.float32]:
     peaks[:, :edge] = peaks[:, -edge:] = 0
     columns, rows = CELLS
     height, width = grey.shape[0] // rows, grey.shape[1] // columns
-    cells = peaks[: height * rows, : width * columns].reshape(rows, height, columns, width)
-    cells = cells.transpose(0, 2, 1, 3).reshape(rows * columns, -1)
-    best = np.argpartition(cells, -EACH, axis=1)[:, -EACH:]
-    cell, rank = np.nonzero(np.take_along_axis(cells, best, axis=1) > WEAK)
-    row, column = np.divmod(best[cell, rank], width)
-    places = [cell % columns * width + column, cell // columns * height + row]
-    return np.stack(places, axis=1).astype(np.float32)
+    y, x = np.nonzero(peaks[: height * rows, : width * columns] > WEAK)
+    cell = y // height * columns + x // width
+    order = np.lexsort((-peaks[y, x], cell))  # cell by cell, the best corner first
+    y, x, cell = y[order], x[order], cell[order]
+    rank = np.arange(len(cell)) - np.searchsorted(cell, cell)
+    kept = rank < EACH
+    return np.stack([x[kept], y[kept]], axis=1).astype(np.float32)
 
 
 def _followed(

@@ -2,6 +2,7 @@
 refuses to say because it is too uncertain.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import permutations, product
@@ -66,12 +67,12 @@ MM = 1e3
 
 
 class State(Enum):
-    """What a row of the table of a pre-flight says of a part of the robot, with its sentence."""
+    """Result of one row of a pre-flight's table; the value is its sentence in the legend."""
 
     OK = "as stated"
     ADJUST = "the robot can follow, but pairs pictures with wrong postures until it is changed"
     WRONG = "it may drive off"
-    REFUSED = "the recording does not show it"
+    REFUSED = "too uncertain to be stated"
     UNKNOWN = "not looked at, as something was not given"
 
 
@@ -86,6 +87,8 @@ class Finding:
     change: str = ""
     """What to change; empty: nothing."""
     state: State = State.OK
+    needs_recording: bool = True
+    """Whether the change, if there is one, needs a new recording; False: this one is enough."""
 
     @property
     def is_good(self) -> bool:
@@ -117,12 +120,18 @@ class Verdict:
     @property
     def is_enough(self) -> bool:
         """True if this recording answers all, once what a row asks for is given."""
-        return all(each.is_good or each.change in ENOUGH for each in self.findings)
+        return all(each.is_good or not each.needs_recording for each in self.findings)
 
     @property
-    def unknown(self) -> list[str]:
-        """What was not looked at, as something was not given."""
-        return [each.what for each in self.findings if each.state is State.UNKNOWN]
+    def summary(self) -> str:
+        """Whether the robot may move by its camera, in a few words: "ready", with what is unknown
+        or in doubt, or "not ready".
+        """
+        unknown = ", ".join(each.what for each in self.findings if each.state is State.UNKNOWN)
+        limits = [f"unknown: {unknown}"] * bool(unknown) + ["in doubt"] * bool(self.doubts)
+        if not self.is_good:
+            return "not ready"
+        return f"ready, but {' and '.join(limits)}" if limits else "ready"
 
 
 def second_axes(moved: RobotMotion, tracks: Tracks) -> tuple[float, float]:
@@ -174,102 +183,120 @@ def judge(
         stamped: Whether the film's times are stamps, as the robot's program uses them.
     """
     findings: list[Finding] = []
-    doubts = list(_of_film(tracks))
-    why_no_offset = _no_offset(offset)
-    if why_no_offset:
-        findings.append(Finding("clock offset", why_no_offset, RECORD, State.REFUSED))
+    no_offset = _no_offset(offset)
+    if no_offset:
+        findings.append(no_offset)
     mistakes = [each.mistake for each in diagnosis.best.corrections]
-    tied = bool(diagnosis.others)
-    if not why_no_offset and max(axes[0] / SLIDES, axes[1] / TURNS) >= 1:
+    if not no_offset and max(axes[0] / SLIDES, axes[1] / TURNS) >= 1:
         findings += _of_diagnosis(diagnosis)
-    no_offset = "the clock offset is not known" if why_no_offset else ""
     is_turned = any(each.turn is not None for each in diagnosis.best.corrections)
-    mixed = "" if is_turned or why_no_offset else _mixed(turned)
+    mixed = "" if is_turned or no_offset else _mixed(turned)
     if mixed:
         mistakes.append(mixed)
         findings.append(Finding("mistake", mixed, MIXED, State.WRONG))
-    why = no_offset or mixed or _no_mount(diagnosis, mount, axes, tied)
-    why_no_lever = (
-        "its rotation is not known" if why else _no_lever(mount, axes, trusts_focal or trusts_along)
-    )
-    if not why_no_offset:
-        fit = None if why else mount
+    why = "the clock offset is not known" if no_offset else mixed
+    no_mount = _no_mount(why, diagnosis, mount, axes, stated=believed is not None)
+    known = trusts_focal or trusts_along
+    no_lever = _no_lever(no_mount, mount, axes, known=known)
+    if not no_offset:
+        fit = None if no_mount else mount
         findings += _of_clocks(offset, fit, float(tracks.times[0]), late, stamped=stamped)
-    if why:
-        change = TIED_CHANGE if why == TIED and believed is None else RECORD
-        findings.append(Finding("mount: rotation", why, change, State.REFUSED))
+    if no_mount:
+        findings.append(no_mount)
     else:
         findings.append(_rotation(mount, believed))
         if believed is not None:
-            findings += _against_believed(mount, believed, mistakes, has_lever=not why_no_lever)
-    if why_no_lever:
-        change = LOOKS_ALIKE_CHANGE if why_no_lever == LOOKS_ALIKE else RECORD
-        change = "" if why else change  # the row above has it
-        findings.append(Finding("mount: lever", why_no_lever, change, State.REFUSED))
-    else:
-        findings.append(_lever(mount, believed))
-    if not why:
-        known = trusts_focal or trusts_along
+            findings += _against_believed(mount, believed, mistakes, has_lever=not no_lever)
+    findings.append(no_lever or _lever(mount, believed))
+    if not no_mount:
         findings += _of_scale(mount, tag, trusts_along=trusts_along, known=known)
-        if mount.stray > MANY_STRAY:
-            doubts.append(
-                f"{100 * mount.stray:.0f} % of the points do not move with the scene: a part of it "
-                "moves by itself, or is very near; the mount may be off by more than its interval"
-            )
     return Verdict(
         findings,
-        doubts,
-        offset if stamped and not why_no_offset else None,
-        None if why else mount,
-        not why,
-        not why_no_lever,
+        _of_film(tracks),
+        offset if stamped and not no_offset else None,
+        None if no_mount else mount,
+        not no_mount,
+        not no_lever,
         mistakes,
     )
 
 
 RECORD = "record 30 s of the motion that `servobench preflight --wiggle FILE` writes"
-TIED = "it differs between the mistakes that explain the recording"
-TIED_CHANGE = "give --mount from your drawing, which tells them apart: this recording is enough"
-LOOKS_ALIKE = "a lever along the optical axis looks as a wrong focal length does"
-LOOKS_ALIKE_CHANGE = "give --calibration, --fov, --along or --tag-mm: this recording is enough"
-ENOUGH = TIED_CHANGE, LOOKS_ALIKE_CHANGE, ""
-"""What to change where nothing has to be recorded again; empty: as the row above says."""
+STILL_SCENE = f"{RECORD}, before a scene in which nothing moves"
+FOCAL = "give --calibration, --fov, --along or --tag-mm: this recording is enough"
+DRAWING = "give --mount from your drawing, which tells them apart: this recording is enough"
 
 
-def _no_offset(offset: Offset) -> str:
-    """Return why an offset is refused, or an empty text."""
+def _refusal(what: str, cases: Iterable[tuple[bool, str, str, bool]]) -> Finding | None:
+    """Return the row about a value that is too uncertain to be stated; None if it can be stated.
+
+    Args:
+        what: The value.
+        cases: Whether each possible reason applies, its sentence, what to change, and whether that
+            needs a new recording. The first reason that applies is given.
+    """
+    for applies, why, change, needs in cases:
+        if applies:
+            return Finding(what, why, change, State.REFUSED, needs)
+    return None
+
+
+def _no_offset(offset: Offset) -> Finding | None:
+    """Return the row about an offset that is refused; None if it is not."""
     cases = (
         (
             offset.depth < SHALLOW,
             f"the motion in the film does not show it (depth of the curve {offset.depth:.2f}, at "
             f"least {SHALLOW:g} is needed)",
+            RECORD,
+            True,
         ),
         (
             offset.at_end,
             "the best one is at the end of the search of 1 s: give the film's begin with --begins",
+            RECORD,
+            True,
         ),
         (
             offset.half > VAGUE_OFFSET,
             f"it is uncertain by {MM * offset.half:.0f} ms (at most {MM * VAGUE_OFFSET:.0f})",
+            RECORD,
+            True,
         ),
     )
-    return next((sentence for applies, sentence in cases if applies), "")
+    return _refusal("clock offset", cases)
 
 
-def _no_mount(diagnosis: Diagnosis, mount: Mount, axes: tuple[float, float], tied: bool) -> str:
-    """Return why a mount is refused, or an empty text."""
+def _no_mount(
+    why: str, diagnosis: Diagnosis, mount: Mount, axes: tuple[float, float], *, stated: bool
+) -> Finding | None:
+    """Return the row about a mount whose rotation is refused; None if it is not.
+
+    Args:
+        why: Why it is refused whatever the fit is; empty: it is not.
+        diagnosis: The explanations of the recording.
+        mount: The fit.
+        axes: The hand's sliding [m/s] and turning [rad/s] along its second axis.
+        stated: Whether the user states a mount.
+    """
     apart = [
         angle_of(diagnosis.best.mount.rotation.T @ other.mount.rotation)
         for other in diagnosis.others
     ]
+    vague = float(mount.halves[1:4].max())
     cases = (
+        (bool(why), why, RECORD, True),
         (
             axes[1] < TURNS and axes[0] < SLIDES,
             "the hand moves along or about one axis only",
+            RECORD,
+            True,
         ),
         (
-            tied and max(apart, default=0.0) > VAGUE_TURN,
-            TIED,
+            max(apart, default=0.0) > VAGUE_TURN,
+            "it differs between the mistakes that explain the recording",
+            RECORD if stated else DRAWING,
+            stated,
         ),
         (
             any(
@@ -277,22 +304,36 @@ def _no_mount(diagnosis: Diagnosis, mount: Mount, axes: tuple[float, float], tie
                 for each in diagnosis.best.corrections
             ),
             "motion in another frame does not show how the hand is turned in it",
+            RECORD,
+            True,
         ),
         (
             not diagnosis.is_good,
             "neither the log as it is nor any mistake of the list explains the film",
+            RECORD,
+            True,
         ),
         (
             mount.scatter > SCATTERED or mount.plane[2] <= 0,
             f"no plane fits the scene (scatter {mount.scatter:.1f}, at most {SCATTERED:g})",
+            RECORD,
+            True,
         ),
         (
-            bool(mount.halves[1:4].max() > VAGUE_TURN),
-            f"it is uncertain by {np.degrees(mount.halves[1:4].max()):.1f} deg (at most "
-            f"{np.degrees(VAGUE_TURN):g})",
+            vague > VAGUE_TURN,
+            f"it is uncertain by {np.degrees(vague):.1f} deg (at most {np.degrees(VAGUE_TURN):g})",
+            RECORD,
+            True,
+        ),
+        (
+            mount.stray > MANY_STRAY,
+            f"{100 * mount.stray:.0f} % of the points (at most {100 * MANY_STRAY:.0f}) do not move "
+            "with the scene: a part of it moves by itself, or is very near",
+            STILL_SCENE,
+            True,
         ),
     )
-    return next((sentence for applies, sentence in cases if applies), "")
+    return _refusal("mount: rotation", cases)
 
 
 def _mixed(turned: Mount) -> str:
@@ -309,24 +350,45 @@ def _mixed(turned: Mount) -> str:
     )
 
 
-def _no_lever(mount: Mount, axes: tuple[float, float], known: bool) -> str:
-    """Return why a lever is refused, or an empty text."""
+def _no_lever(
+    no_mount: Finding | None, mount: Mount, axes: tuple[float, float], *, known: bool
+) -> Finding | None:
+    """Return the row about a lever that is refused; None if it is not.
+
+    Args:
+        no_mount: The row about a rotation that is refused, which says what to change for both.
+        mount: The fit.
+        axes: The hand's sliding [m/s] and turning [rad/s] along its second axis.
+        known: Whether the focal length or the lever's part along the optical axis is known.
+    """
+    vague = float(mount.halves[4:7].max())
     cases = (
+        (
+            no_mount is not None,
+            "its rotation is not known",
+            "",
+            no_mount is not None and no_mount.needs_recording,
+        ),
         (
             axes[1] < TURNS,
             f"the hand turns at {axes[1]:.3f} rad/s about its second axis (at least {TURNS:g})",
+            RECORD,
+            True,
         ),
         (
-            bool(mount.halves[4:7].max() > VAGUE_LEVER),
-            f"it is uncertain by {MM * mount.halves[4:7].max():.0f} mm (at most "
-            f"{MM * VAGUE_LEVER:.0f})",
+            vague > VAGUE_LEVER,
+            f"it is uncertain by {MM * vague:.0f} mm (at most {MM * VAGUE_LEVER:.0f})",
+            RECORD,
+            True,
         ),
         (
             not known,
-            LOOKS_ALIKE,
+            "a lever along the optical axis looks as a wrong focal length does",
+            FOCAL,
+            False,
         ),
     )
-    return next((sentence for applies, sentence in cases if applies), "")
+    return _refusal("mount: lever", cases)
 
 
 def angles_text(mount: Mount) -> str:

@@ -239,10 +239,16 @@ def moved_back(H: Array, d: Array) -> Array:
     The step is one of the template, and so its inverse moves the picture (inverse compositional).
     The sums have a fixed order: those of BLAS and LAPACK differ between processors.
     """
-    a, b, c = 1.0 + d[0], d[1], d[2]
-    e, f, g = d[3], 1.0 + d[4], d[5]
-    h, i = d[6], d[7]
-    # The inverse but for its scale (adjugate matrix); the scale ends in the last line.
+    # The step is the matrix [a b c; e f g; h i 1].
+    a = 1.0 + d[0]
+    b = d[1]
+    c = d[2]
+    e = d[3]
+    f = 1.0 + d[4]
+    g = d[5]
+    h = d[6]
+    i = d[7]
+    # Its inverse but for the scale (adjugate matrix); the scale ends in the last line.
     inverse = np.array(
         [
             [f - g * i, c * i - b, b * g - c * f],

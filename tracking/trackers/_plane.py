@@ -21,7 +21,7 @@ def homography(source: Array, target: Array) -> Array:
 
 def through(H: Array, points: Array) -> Array:
     """Return the points (n, 2) to which a homography (3, 3) maps points (n, 2)."""
-    # Sums in a fixed order: those of a matrix product differ between processors.
+    # Sums in a fixed order: BLAS, behind a matrix product, may choose another on each processor.
     x, y = points[:, :1], points[:, 1:]
     seen = x * H[:, 0] + y * H[:, 1] + H[:, 2]
     return seen[:, :2] / seen[:, 2:]
