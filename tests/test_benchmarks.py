@@ -323,8 +323,12 @@ def test_all_but_frozen_hold_69_worlds_of_the_published_rows():
     rows = [
         json.loads(path.read_text()) for path in Path("scenes/benchmarks/rows/loop-v1").iterdir()
     ]
-    others = [r["worlds"] for r in rows if r["contestant"] not in ("still", "truth", "frozen")]
-    easy = sum(all(worlds[key]["held"] for worlds in others) for key in others[0])
+    others = [
+        dict(zip(r["worlds"]["world"], r["worlds"]["held"], strict=True))
+        for r in rows
+        if r["contestant"] not in ("still", "truth", "frozen")
+    ]
+    easy = sum(all(held[key] for held in others) for key in others[0])
     sentence = benchmark_section.difficulty_of(shipped_rows(load("loop-v1")))
     assert easy == 69
     assert sentence.endswith(f"and {easy} by every contestant but frozen.")
@@ -619,8 +623,7 @@ def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd,
     assert call(monkeypatch, capfd, "report", "o")[0] == 0
     assert "Points by condition" in (short / "o" / "report.html").read_text()
     table = json.loads((short / "row.json").read_text())
-    for world in table["worlds"].values():
-        world["area"] = abs(world["area"] - 1e-11)
+    table["worlds"]["area"] = [abs(area - 1e-9) for area in table["worlds"]["area"]]
     (short / "row.json").write_text(json.dumps(table))
     assert call(monkeypatch, capfd, *verify)[:2] == (
         0,
@@ -675,12 +678,16 @@ def sent(monkeypatch, capfd, short, published):
 
 
 def _one_area(row):
-    row["worlds"][sorted(row["worlds"])[0]]["area"] = 0.5
+    row["worlds"]["area"][0] = 0.5
 
 
 def _one_held(row):
-    world = row["worlds"][sorted(row["worlds"])[0]]
-    world["held"] = not world["held"]
+    row["worlds"]["held"][0] = not row["worlds"]["held"][0]
+
+
+def _without_second_world(row):
+    for column in row["worlds"].values():
+        del column[1]
 
 
 @pytest.mark.parametrize(
@@ -689,11 +696,11 @@ def _one_held(row):
         (_one_area, "turn-00 differs"),
         (_one_held, "turn-00 differs"),
         (
-            lambda row: row["worlds"].pop("turn-01"),
+            _without_second_world,
             "the row's worlds differ from those of its band: turn-01",
         ),
         (
-            lambda row: row.update(curve=[1.0] * 41),
+            lambda row: row.update(curve=[0.5] * 41),
             "the Parquet file gives another curve than the row",
         ),
         (lambda row: row.update(slow={"100": 1.0}), "other shares held by slower trackers"),
@@ -802,6 +809,39 @@ def test_a_row_of_a_tracker_is_compared_with_the_errors_beside_it():
     fewer = {key: e for key, e in errors.items() if key[0] != "plain-00"}
     assert audit.audit(loop, honest, kams, fewer)[0] == [
         "the Parquet file has other worlds than the row: plain-00"
+    ]
+
+
+def test_errors_in_500ths_agree_with_the_row_that_was_made_of_exact_ones(tmp_path):
+    loop = load("loop-v1")
+    (kams,) = contestants(loop, ["kams"])
+    keys = [world.key for world in loop.every_world(Band("dev"), 2)]
+    rng = np.random.default_rng(1)
+    exact = {key: np.float32(rng.choice([0.0, 0.05, 1.0, 2.0, np.inf], 40) + 4e-4) for key in keys}
+    records = [
+        SimpleNamespace(settings={"world": key, "slow": 0.0}, series={"error_sizes": e})
+        for key, e in exact.items()
+    ]
+    (tmp_path / "row.parquet").write_bytes(audit.errors_parquet(records))
+    errors = audit.read_errors(tmp_path / "row.parquet")
+    assert set(errors[keys[0], 0.0]) <= {0.0, 0.05, 1.0, 2.0, 2.002}
+    made = replace(
+        row("kams", [], "HOME", digest=kams.digest, settings=kams.settings),
+        worlds={key: score_errors(e) for key, e in exact.items()},
+        curve=curve_of(list(exact.values())),
+    )
+    assert audit.audit(loop, made, kams, errors)[0] == []
+    for more in (1.1e-3, -1.1e-3):  # the scores may be off by half a 500th over 2 sizes
+        first = made.worlds[keys[0]]
+        other = replace(first, area=first.area + more)
+        changed = replace(made, worlds=made.worlds | {keys[0]: other})
+        assert audit.audit(loop, changed, kams, errors)[0] == [
+            f"the Parquet file gives other scores than the row: {keys[0]}"
+        ]
+    over = [min(1.0, share + 0.05) for share in made.curve[2:]]
+    changed = replace(made, curve=[*made.curve[:2], *over])
+    assert audit.audit(loop, changed, kams, errors)[0] == [
+        "the Parquet file gives another curve than the row"
     ]
 
 
@@ -1124,19 +1164,32 @@ def test_machines_find_the_rows_and_their_fields():
             "the content of this file is wrong: digest: string should match pattern '^[0-9a-f]{64}$'",
         ),
         (
-            '"area": 1.0',
-            '"area": 1e308',
+            '"area":[1.0]',
+            '"area":[1e308]',
             "the content of this file is wrong: worlds.plain-00.area: input should be less than or equal to 1",
         ),
         (
-            '"slow": {}',
-            '"slow": {"a": 1}',
+            '"slow":{}',
+            '"slow":{"a":1}',
             "the content of this file is wrong: slow.a.[key]: string should match pattern",
         ),
         (
-            '"curve": [',
-            '"curve": [0.5, ',
+            '"curve":[',
+            '"curve":[0.5,',
             "the content of this file is wrong: curve: list should have at most 41 items after validation, not 42",
+        ),
+        *[
+            (
+                '"area":[1.0]',
+                wrong,
+                "the content of this file is wrong: worlds: value error, columns of equal length are needed: world, area, held, picture, last; run",
+            )
+            for wrong in ('"area":[1.0,1.0]', '"area":1.0', '"area":null', '"world":["x","y"]')
+        ],
+        (
+            '"world":["plain-00"],',
+            "",
+            "the content of this file is wrong: worlds: value error, columns of equal length are needed: world, area, held, picture, last; run",
         ),
     ],
 )

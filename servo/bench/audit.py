@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
-from servo.bench.benchmark import QUICK, Band, Benchmark, World
+from servo.bench.benchmark import FARTHEST, QUICK, Band, Benchmark, World
 from servo.bench.contestant import Contestant, Division
 from servo.bench.row import Row, curve_of, slow_of
 from servo.bench.world_run import SLOW, WORLD
@@ -23,11 +24,17 @@ from servo.study.run import Record
 from sim.types import Array
 from tracking.files.json_text import as_json
 
-ROUNDING = 1e-9
-"""Largest difference of a world's score between processors by rounding; 3e-12 was measured."""
-NEAR = 1e-4
-"""Largest difference of one picture's error between processors [target sizes]; errors are stored
-with seven digits."""
+ROUNDING = 1.5e-9
+"""Largest difference of a world's score between processors by rounding; 3e-12 was measured, and
+scores are stored with nine decimals."""
+STEPS = 500
+"""Steps of an error of one target size in a file of errors."""
+HALF = (0.5 + 1e-6) / STEPS
+"""Largest distance of an error from that in the file [target sizes]."""
+MOST = round(FARTHEST * STEPS) + 1
+"""Steps of each error beyond the farthest that a score regards."""
+ERROR_STEPS = f"error_{STEPS}ths"
+"""Name of the column with the errors."""
 TENTH = 10
 LEAST = 10
 """An audit repeats a tenth of the worlds, and ten at least."""
@@ -48,22 +55,28 @@ def errors_file(row: Path) -> Path:
 def errors_parquet(records: Sequence[Record]) -> bytes:
     """Return the bytes of a Parquet file with a row for each run of a benchmark: name of its world
     (random scenario), time that a slowed tracker took for a picture [ms] (0: not slowed), and the
-    list of the target's distances from the goal in all pictures, in target sizes (square root of
-    the target's area in the goal picture).
+    list of the target's distances from the goal in all pictures, in 500ths of the target's size
+    (square root of the target's area in the goal picture). Errors above 2 sizes, which no score
+    tells apart, are 1001.
     """
     columns = {
         WORLD: [r.settings[WORLD] for r in records],
         SLOW: [r.settings[SLOW] for r in records],
-        ERROR: [np.asarray(r.series[ERROR], np.float32) for r in records],
+        ERROR_STEPS: [_steps(r.series[ERROR]) for r in records],
     }
     return parquet(
         pa.table(columns),
         compression="zstd",
         compression_level=19,
         use_dictionary=False,
-        # Errors of successive pictures are alike in their first bytes: the file is half as large.
-        use_byte_stream_split=[f"{ERROR}.list.element"],
+        # Errors of successive pictures are alike: their differences need fewer bits.
+        column_encoding={f"{ERROR_STEPS}.list.element": "DELTA_BINARY_PACKED"},
     )
+
+
+def _steps(errors: Array) -> NDArray[np.int16]:
+    """Return errors (frames,) [target sizes] as they are in a file of errors, in 500ths."""
+    return np.minimum(np.round(np.asarray(errors, float) * STEPS), MOST).astype(np.int16)
 
 
 def read_errors(path: Path) -> Errors:
@@ -74,9 +87,9 @@ def read_errors(path: Path) -> Errors:
         Mistake: The file cannot be read, or lacks a column of errors, worlds or times.
     """
     try:
-        table = pq.read_table(path, columns=[WORLD, SLOW, ERROR]).to_pydict()
-        rows = zip(table[WORLD], table[SLOW], table[ERROR], strict=True)
-        return {(str(world), float(ms)): np.array(each, float) for world, ms, each in rows}
+        table = pq.read_table(path, columns=[WORLD, SLOW, ERROR_STEPS]).to_pydict()
+        rows = zip(table[WORLD], table[SLOW], table[ERROR_STEPS], strict=True)
+        return {(str(world), float(ms)): np.array(each, float) / STEPS for world, ms, each in rows}
     except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, MemoryError) as error:
         raise Mistake(
             f"{path}: this is not the file of errors that `servobench benchmark --submit` writes: "
@@ -175,13 +188,30 @@ def _contradictions(benchmark: Benchmark, row: Row, errors: Errors) -> Iterator[
     if other := at_once.keys() ^ row.worlds.keys():
         yield f"the Parquet file has other worlds than the row: {_some(other)}"
         return
-    wrong = [w for w, e in at_once.items() if not _is_close(score_errors(e), row.worlds[w])]
+    wrong = [w for w, e in at_once.items() if not _follows(row.worlds[w], e)]
     if benchmark.score == "held" and wrong:
         yield f"the Parquet file gives other scores than the row: {_some(wrong)}"
-    if curve_of(list(at_once.values())) != row.curve:
+    least, most = (curve_of([e + half for e in at_once.values()]) for half in (HALF, -HALF))
+    if not all(map(_between, least, row.curve, most)):
         yield "the Parquet file gives another curve than the row"
-    if row.slow and slow_of(benchmark, errors) != row.slow:
+    least, most = (
+        slow_of(benchmark, {at: e + half for at, e in errors.items()}) for half in (HALF, -HALF)
+    )
+    of_times = least.keys() == row.slow.keys()
+    if row.slow and not (of_times and all(_between(least[t], row.slow[t], most[t]) for t in least)):
         yield "the Parquet file gives other shares held by slower trackers than the row"
+
+
+def _follows(score: WorldScore, errors: Array) -> bool:
+    """Return True if a score may follow from errors (frames,) that are rounded to 500ths."""
+    least, most = (score_errors(errors + half) for half in (HALF, -HALF))
+    is_area = least.area - ROUNDING <= score.area <= most.area + ROUNDING
+    return is_area and _between(least.held, score.held, most.held)
+
+
+def _between(least: float, value: float, most: float) -> bool:
+    """Return True if a value is in an interval."""
+    return least <= value <= most
 
 
 def _is_close(now: WorldScore, before: WorldScore) -> bool:
@@ -222,12 +252,13 @@ def compare_run(
         record: The record of the new run.
     """
     world, ms = record.settings[WORLD], float(record.settings[SLOW])
-    now = np.asarray(record.series[ERROR], np.float32).astype(float)
+    now = _steps(record.series[ERROR]) / STEPS
     exactly = agrees = True
     if errors is not None:
         before = errors.get((world, ms), now[:0])
         exactly = np.array_equal(now, before)
-        agrees = exactly or (now.shape == before.shape and np.allclose(now, before, 0, NEAR))
+        # Rounding may turn one step into the next.
+        agrees = exactly or (now.shape == before.shape and np.allclose(now, before, 0, 3 * HALF))
     if ms == 0.0:
         found = world_score(benchmark.score, record)
         published = row.worlds[world]

@@ -6,14 +6,14 @@ import hashlib
 import os
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Len
-from pydantic import StringConstraints
+from pydantic import BeforeValidator, StringConstraints
 
 from servo.bench.benchmark import (
     FARTHEST,
@@ -42,6 +42,7 @@ from servo.output.versions import versions
 from servo.study.run import Record, grouped_by
 from servo.study.scenario_run import TRACK_MS
 from sim.types import Array
+from tracking.files.json_text import as_json, json_line
 
 TAUS = np.linspace(0.0, FARTHEST, 41)
 """The distances of a row's curve [target sizes]."""
@@ -61,6 +62,25 @@ Digest = Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")]
 Milliseconds = Annotated[str, StringConstraints(pattern=r"^\d{1,6}(\.\d{1,6})?$")]
 
 
+def by_world(columns: Any) -> dict[str, dict[str, object]]:
+    """Return the lines of the table of worlds in a row's file, by the world's name.
+
+    Args:
+        columns: The table's columns by their names, as JSON has them.
+
+    Raises:
+        ValueError: They are not columns of equal length, or the column "world" is missing.
+    """
+    try:
+        lines = list(zip(*columns.values(), strict=True))
+        tables = [dict(zip(columns, line, strict=True)) for line in lines]
+        return {str(table.pop("world")): table for table in tables}
+    except (AttributeError, TypeError, ValueError, KeyError):
+        raise ValueError(
+            "columns of equal length are needed: world, area, held, picture, last"
+        ) from None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row(Made):
     """The published results of a contestant (one row of a benchmark's table), as the contestant's
@@ -70,6 +90,7 @@ class Row(Made):
     """
 
     KIND: ClassVar[str] = "benchmark row"
+    FORMAT: ClassVar[int] = 2
 
     benchmark: str
     hash: str
@@ -88,12 +109,24 @@ class Row(Made):
     machine: str
     track_ms: float
     """Measured time of the tracker for a picture, median [ms]: of this machine, never ranked."""
-    worlds: dict[str, WorldScore]
+    worlds: Annotated[dict[str, WorldScore], BeforeValidator(by_world)]
+    """Result in each world, by its name; in the file as a table's columns."""
     slow: dict[Milliseconds, Share] = field(default_factory=dict[str, Share])
     """Share of worlds held, by the time that the tracker takes for a picture [ms]."""
     curve: Annotated[list[Share], Len(len(TAUS), len(TAUS))]
     """Share of the time within `TAUS` of the goal, over all worlds."""
     measures: dict[str, float | None] = field(default_factory=dict[str, float | None])
+
+    def text(self) -> str:
+        """Return these results as JSON, with a line for each key; "worlds" are the columns of a
+        table, "world" and the fields of `WorldScore`.
+        """
+        columns = {"world": list(self.worlds)}
+        for each in fields(WorldScore):
+            columns[each.name] = [getattr(score, each.name) for score in self.worlds.values()]
+        document = {"format": self.FORMAT, "kind": self.KIND} | as_json(self) | {"worlds": columns}
+        lines = (f'"{key}":{json_line(value)}' for key, value in document.items())
+        return "{\n" + ",\n".join(lines) + "\n}\n"
 
     @property
     def rendering(self) -> str:

@@ -17,6 +17,8 @@ ERROR = "error_sizes"
 """Series of a record: distance of the target's centre from the goal, in target sizes."""
 DIGITS = 12
 """Digits of a picture's digest."""
+DECIMALS = 9
+"""Decimals of a score."""
 
 Share = Annotated[float, Ge(0), Le(1)]
 
@@ -75,7 +77,7 @@ def score_errors(errors: Array) -> WorldScore:
     """
     errors = np.asarray(errors, float)
     held = float(np.mean(errors <= HELD_SIZE)) >= HELD_SHARE
-    return WorldScore(area_within(errors, FARTHEST), held)
+    return WorldScore(round(area_within(errors, FARTHEST), DECIMALS), held)
 
 
 def is_within(record: Record, position: float, rotation: float) -> bool:

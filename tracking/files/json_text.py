@@ -43,6 +43,11 @@ def as_json(value: object) -> Any:
             return as_json(str(value))
 
 
+def json_line(value: object) -> str:
+    """Return a value, converted as `as_json` does, as JSON in one line."""
+    return json.dumps(as_json(value), allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+
+
 def json_text(document: object) -> str:
     """Return a value, converted as `as_json` does, as the text of a JSON file, with a newline at
     its end.
