@@ -31,6 +31,8 @@ HEAVY = (
     "scipy.stats",
 )
 """Imported once: the imports take longer than most tests."""
+OPTIONS = ("-q", "-p", "mutant_plugin", "-m", "not processes")
+"""Options of each run of pytest."""
 COMPILED = ("tracking/loops/", "sim/camera/exact/raster.py")
 """numba compiles these: coverage does not see their lines, and each change compiles anew."""
 
@@ -88,7 +90,7 @@ class Copy:
 
     def pytest(self, words, limit=None, **environment):
         """The exit code of pytest in the copy; None where it was still running at the limit [s]."""
-        command = [sys.executable, "-m", "pytest", "-q", "-p", "mutant_plugin", *words]
+        command = [sys.executable, "-m", "pytest", *OPTIONS, *words]
         with (self.folder / "output.txt").open("w") as output:
             process = subprocess.Popen(
                 command,
@@ -173,4 +175,4 @@ def inside(copy, words, environment):
     sys.path[:0] = [str(copy.root), str(HERE)]
     sys.dont_write_bytecode = True
     numba.config.CACHE_DIR = environment["NUMBA_CACHE_DIR"]
-    sys.exit(int(pytest.main(["-q", "-p", "mutant_plugin", *words])))
+    sys.exit(int(pytest.main([*OPTIONS, *words])))

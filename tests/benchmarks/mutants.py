@@ -6,6 +6,7 @@ Draws COUNT places in sim, tracking and servo by SEED, changes one operator, com
 truth or result at a time in a copy of the project, and runs the tests that can notice it. One line
 a mutant goes to the terminal: noticed, and by which test, or survived; the survivors come last.
 
+- Those of `-m wide` count, too: CI runs them; those of `-m processes` do not, as each takes seconds.
 - The first run tests all once under coverage, to learn which test runs which line (on two cores
   some minutes); after a change of tests only these. Map and results are kept in FOLDER; the same
   command on the same tree goes on where it was stopped.
