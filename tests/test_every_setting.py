@@ -102,6 +102,7 @@ MATTERS = {
     "camera.coefficients": LENS,
     "camera.bands": ("camera.readout_ms=20",),
     "camera.textures": ('camera.renderer="exact"', 'ground.kind="checker"'),
+    "camera.shadows": ('camera.renderer="exact"',),
     "camera.auto_gain": ("disturbances=[{kind='brightness',start=0.0,ramp=0.05}]",),
     **dict.fromkeys(("camera.depth_noise", "camera.depth_holes"), ("camera.depth=true",)),
     **dict.fromkeys(("camera.depth_nearest", "camera.depth_farthest"), ("camera.depth=true",)),

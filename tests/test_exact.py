@@ -38,6 +38,8 @@ APPROVED = "91ce67744ae98c3f0ce84344aadf96b5af5ff7400a04a1dc266098adeb6f7ec8"
 """SHA-256 of the first picture of `BODIES`."""
 FINE = "153b6d4acbb8832dc55244fef3900bd87e63e072c8f282ea3865129f5b2d6f18"
 """The same with fine textures."""
+SHADED = "808f587b755167eeaab6cbb62c0409dad6148f1aa77ecc9d03aa95df627a389f"
+"""That of the first picture of `clutter` with shadows."""
 
 BODIES = """
 <mujoco>
@@ -144,6 +146,64 @@ def digest(fine=False):
     model, data, view = scene("eye")
     renderer = ExactRenderer(model, "eye", view, fine=fine)
     return hashlib.sha256(renderer.begin(data)().tobytes()).hexdigest()
+
+
+TABLE = """<mujoco>
+ <visual><headlight ambient="1 1 1" diffuse="0 0 0" specular="0 0 0"/></visual>
+ <worldbody>
+  <geom name="table" type="box" size="1 1 .02" pos="0 0 -.02" rgba="1 1 1 1"/>
+  {}
+  <camera name="eye" pos="{}" xyaxes="{}"/>
+ </worldbody></mujoco>"""
+
+
+def darkness(things, place, eye=((0, 0, 1.0), (1, 0, 0, 0, 1, 0))):
+    """The share of the table's light that is missing at a place (x, y) [m], by the picture."""
+    text = TABLE.format(things, *(" ".join(map(str, part)) for part in eye))
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    view = Camera(400.0, 400.0, 200.0, 200.0, 400, 400)
+    plain, shaded = (
+        ExactRenderer(model, "eye", view, shaded=shaded).begin(data)() for shaded in (False, True)
+    )
+    seen = (np.array([*place, 0.0]) - data.cam_xpos[0]) @ data.cam_xmat[0].reshape(3, 3)
+    u, v = (200 + 400 * seen[:2] * (1, -1) / -seen[2]).astype(int)
+    assert (plain[v, u] == 255).all()
+    return 1 - shaded[v, u, 0] / 255
+
+
+BALL = '<geom type="sphere" size=".05" pos="{} {} {}"/>'
+LEANING = ((0, -0.8, 0.8), (1, 0, 0, 0, 0.7071, 0.7071))
+
+
+@pytest.mark.parametrize(
+    ("things", "place", "eye", "expected"),
+    [
+        (BALL.format(0.1, 0, 0.05), (0.16, 0), None, 0.6 * (1 - (0.06 / 0.09) ** 2) ** 2),
+        (BALL.format(0.1, 0, 0.05), (0.16, 0.0), LEANING, 0.6 * (1 - (0.06 / 0.09) ** 2) ** 2),
+        (BALL.format(0.1, 0, 0.05), (0.2, 0), None, 0),
+        # Half its width above the table the shadow is gone, and half as dark at half of that.
+        (BALL.format(0.1, 0, 0.075), (0.1, 0.08), None, 0.3 * (1 - (0.08 / 0.09) ** 2) ** 2),
+        (BALL.format(0.1, 0, 0.11), (0.1, 0.08), None, 0),
+        # Below the table, and a thing so flat that it has 0.2 / 0.3 of the height.
+        (BALL.format(0.1, 0, -0.1), (0.1, 0.0), None, 0),
+        ('<geom type="box" size=".05 .05 .005" pos="0 0 .005"/>', (0.06, 0), None, 0.4 * (1 - (0.06 / 0.09) ** 2) ** 2),
+        # A long box, turned by 90 deg; two geoms of a body, 0.2 m apart, have one shadow.
+        ('<geom type="box" size=".1 .04 .05" pos="0 0 .05" euler="0 0 90"/>', (0, 0.12), None, 0.6 * (1 - (0.12 / 0.18) ** 2) ** 2),
+        ('<body pos="0 0 .05"><geom size=".02" pos="0 .08 0"/><geom size=".02" pos="0 -.08 0"/><geom size=".05" pos="0 0 0"/></body>', (0, 0.12), None, 0.6 * (1 - (0.12 / 0.18) ** 2) ** 2),
+    ],
+)  # fmt: skip
+def test_a_thing_has_a_soft_shadow_on_the_table(things, place, eye, expected):
+    found = darkness(things, place, eye or ((0, 0, 1.0), (1, 0, 0, 0, 1, 0)))
+    assert found == pytest.approx(expected, abs=0.02)
+
+
+def test_shadows_have_the_same_bits_everywhere():
+    changes = ["camera.renderer=exact", "camera.shadows=true"]
+    with Episode(load("clutter", changes), seen=False) as run:
+        image = next(iter(run)).frame.image
+    assert hashlib.sha256(image.tobytes()).hexdigest() == SHADED
 
 
 def drawn_by(kind):

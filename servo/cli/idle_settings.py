@@ -232,12 +232,15 @@ INVERTS = "this feature set computes the twist from the error by an inverse of i
 DRAWN = "the pictures are those of a recording, in which nothing is drawn"
 NEEDS = (
     Need(
-        ("camera.renderer", "camera.textures", "ground", "walls", "clutter", "light", "at_goal"),
+        (
+            *("camera.renderer", "camera.textures", "camera.shadows"),
+            *("ground", "walls", "clutter", "light", "at_goal"),
+        ),
         _of_scenario(lambda s: s.camera.renderer != "recording"),
         DRAWN,
     ),
     Need(
-        ("camera.textures",),
+        ("camera.textures", "camera.shadows"),
         _of_scenario(lambda s: s.camera.renderer == "exact" or not gl.is_there()),
         'OpenGL draws the pictures: camera.renderer = "exact" is for this setting',
     ),

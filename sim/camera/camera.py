@@ -41,9 +41,9 @@ class CameraConfig:
     would have. `rate` is the frame rate [Hz]; a pixel is the mean of `supersample` x `supersample`
     rendered ones; `noise` is in grey levels of 255, `exposure` a fraction of the frame interval,
     `readout_ms` the delay from the first to the last row of a rolling shutter, rendered as `bands`
-    pictures, `textures` the filter of textures in the renderer "exact", and `auto_gain` a time
-    constant [s]; depths are in m, `depth_holes` in px. None: the value of the robot's model, or no
-    such effect.
+    pictures, `textures` the filter of textures and `shadows` the soft shadows in the renderer
+    "exact", and `auto_gain` a time constant [s]; depths are in m, `depth_holes` in px. None: the
+    value of the robot's model, or no such effect.
     """
 
     mounted: Literal["robot", "world"] = "robot"
@@ -101,13 +101,16 @@ class CameraConfig:
     two of them are their mean."""
     renderer: Kind = "opengl"
     """Renderer of the pictures: "opengl", with MuJoCo's renderer and this machine's driver; or
-    "exact", which needs none, gives the same pictures on every machine, and draws no shadows,
-    reflections or translucence. Without OpenGL "exact" is used, and a line says so. A table
+    "exact", which needs none, gives the same pictures on every machine, and draws no reflections,
+    translucence or shadows of lamps. Without OpenGL "exact" is used, and a line says so. A table
     [recording] sets it to "recording"."""
     textures: Literal["fast", "fine"] = "fast"
     """Filter of textures in the renderer "exact". "fast": the nearest level of detail, at places
     that are exact every 32 px; "fine": the mean of two levels, as OpenGL always takes, at places
     that are exact every 8 px. `--exact` sets "fine"."""
+    shadows: bool = False
+    """Draw a soft shadow on the table under each thing on it, as under an overcast sky; only in the
+    renderer "exact"."""
     auto_gain: Interval | None = None
     """Time constant with which a gain, 1/8 to 8, brings the picture's mean back to that of the
     first [s]; by default the gain is fixed."""

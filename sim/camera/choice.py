@@ -27,4 +27,4 @@ def renderer_of(config: CameraConfig) -> MakeRenderer:
         return OpenGLRenderer
     from sim.camera.exact.renderer import ExactRenderer  # loads compiled code
 
-    return partial(ExactRenderer, fine=config.textures == "fine")
+    return partial(ExactRenderer, fine=config.textures == "fine", shaded=config.shadows)

@@ -1,8 +1,8 @@
 """The software renderer: it needs no graphics driver, and gives the same pictures on every machine.
 
 It draws geoms and sky with the shapes, lights and textures of MuJoCo's own renderer, but without
-shadows, reflections, haze and translucence. As in MuJoCo, light is computed at the corners of
-triangles.
+reflections, haze, translucence and the shadows of lamps. As in MuJoCo, light is computed at the
+corners of triangles.
 """
 
 from collections.abc import Callable
@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.camera import gl
-from sim.camera.exact import raster
+from sim.camera.exact import raster, shadows
 from sim.camera.exact.solids import face_normals, sky_of, solids_of, texture_of
-from sim.camera.renderer import Backdrop, DepthPromise, Promise, T, camera_pose
+from sim.camera.renderer import TABLE, Backdrop, DepthPromise, Promise, T, camera_pose
 from sim.models.shapes import picture_of
-from sim.types import Array, Camera, DepthPicture, Image
+from sim.types import Array, Camera, DepthPicture, Image, Pose
 
 DEFAULT_SHINE = (0.0, 0.5, 0.5)
 """MuJoCo's emission, specular reflection and shininess of a body without a material."""
@@ -36,7 +36,7 @@ class ExactRenderer:
     """Software renderer for a camera of a MuJoCo model (by its name) with the intrinsics `view`. It
     gives the same pictures on every machine, and has the methods of the protocol
     `sim.camera.renderer.Renderer`. With `fine` it mixes two mipmap levels of a texture, as OpenGL
-    does.
+    does; with `shaded` it draws soft shadows on the table.
 
     The sky is drawn as one more body after all geoms, which emits light and moves with the camera.
 
@@ -45,7 +45,13 @@ class ExactRenderer:
     """
 
     def __init__(
-        self, model: mujoco.MjModel, camera: str, view: Camera, *, fine: bool = False
+        self,
+        model: mujoco.MjModel,
+        camera: str,
+        view: Camera,
+        *,
+        fine: bool = False,
+        shaded: bool = False,
     ) -> None:
         """Read the model's shapes and textures.
 
@@ -55,6 +61,7 @@ class ExactRenderer:
             view: Intrinsics of the pictures.
             fine: Whether two levels of a texture are mixed (trilinear filtering), as in OpenGL, and
                 places in a texture are computed more often.
+            shaded: Whether a soft shadow is drawn on the scene's table under each thing on it.
         """
         _check(model)
         self._fine = fine
@@ -87,6 +94,10 @@ class ExactRenderer:
         self._before_table = self._is_shown.copy()
         self._before_table[[*self._backdrop.floor, model.ngeom]] = False
         """Bodies to draw where the table hides floor and sky."""
+        self._table = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, TABLE)
+        """Id of the table's geom; -1: the scene has none."""
+        casts = self._is_shown[:-1] & (np.arange(model.ngeom) != self._table) & shaded
+        self._things = shadows.Things.of(model, casts & (self._table >= 0))
         self._texels, self._levels = _textures(model)
         self._textures = np.array([*(texture_of(model, g) for g in range(model.ngeom)), sky]) + 1
         shape = (view.height, view.width)
@@ -150,6 +161,8 @@ class ExactRenderer:
             to_camera @ rotations,
             middles,
             _lights(self._model, data, to_camera, eye.translation),
+            self._things.places(data),
+            eye,
         )
 
     def _fill(
@@ -159,6 +172,8 @@ class ExactRenderer:
         rotations: Array,
         middles: Array,
         lights: Array,
+        things: tuple[Array, Array],
+        eye: Pose,
     ) -> T:
         image = np.zeros((*self._shown.shape, 3), np.uint8)
         self._nearness.fill(0.0)
@@ -186,6 +201,17 @@ class ExactRenderer:
             self._nearness,
             self._shown,
         )
+        if len(self._things.halves):
+            shadows.shade(
+                image,
+                self._shown,
+                self._table,
+                self._things.halves,
+                *things,
+                eye.rotation,
+                eye.translation,
+                self._view,
+            )
         return read(image)
 
 
