@@ -28,6 +28,7 @@ from servo.twin.corrections import (
     disguises,
     millimetres,
     motion,
+    turned,
 )
 from servo.twin.corrections import rates as wrong_rates
 from servo.twin.diagnosis import Diagnosis, Trial
@@ -485,6 +486,33 @@ def test_another_recording_is_asked_for_only_where_it_helps(changes, row, change
 def test_what_is_just_inside_a_limit_is_good(changes):
     found = verdict(**changes)
     assert found.is_good, found.findings
+
+
+@pytest.mark.parametrize(
+    ("kind", "frames", "is_inverse", "in_base"),
+    [
+        (Kind.POSES, None, False, True),
+        (Kind.POSES, None, True, False),
+        (Kind.TWISTS, (Frame.BASE, Frame.HAND), False, True),
+        (Kind.TWISTS, (Frame.HAND, Frame.BASE), False, False),
+    ],
+)
+def test_a_turn_that_the_hand_shows_is_one_of_the_frame_of_the_logs_positions(
+    kind, frames, is_inverse, in_base
+):
+    """The hand looks down, so that its frame is far from the base's: turned as they are, two
+    frames that differ by 40 deg were taken for a mistake in the quaternion."""
+    frame = Rotation.from_rotvec([0.2, 0.4, -0.4])
+    hand = Rotation.from_euler("xyz", [3.0, 0.2, 1.0])
+    swings_of_hand = hand * Rotation.from_rotvec([[0.1, 0, 0], [-0.1, 0, 0]])
+    times = np.array([0.0, 1.0])
+    smooth = Smooth(kind, times, np.zeros((2, 7)), (), None, is_inverse)
+    moved = RobotMotion(times, np.zeros((2, 3)), swings_of_hand.as_quat())
+    shown = (hand.inv() * frame * hand).as_matrix()
+    before = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    (found,) = turned((Correction("", "", frames=frames, turn=before),), shown, smooth, moved)
+    expected = frame.as_matrix() if in_base else shown
+    assert found.turn == pytest.approx(before @ expected)
 
 
 def test_what_is_strange_in_a_film_is_a_doubt():

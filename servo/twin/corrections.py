@@ -336,8 +336,24 @@ def mixed(smooth: Smooth) -> Iterator[Correction]:
         )
 
 
-def turned(given: tuple[Correction, ...], turn: Array) -> tuple[Correction, ...]:
-    """Return corrections whose turns to be found are followed by a rotation (3, 3)."""
+def turned(
+    given: tuple[Correction, ...], turn: Array, smooth: Smooth, moved: RobotMotion
+) -> tuple[Correction, ...]:
+    """Return corrections whose turns to be found are followed by another one.
+
+    Args:
+        given: The corrections.
+        turn: Rotation (3, 3) of the frame of the hand's angular part in that of its linear part, in
+            the hand's frame.
+        smooth: The smoothed log.
+        moved: The hand's motion after the given corrections.
+    """
+    frames = [each.frames[0] for each in given if each.frames is not None]
+    is_of_poses = smooth.kind is Kind.POSES and not smooth.is_inverse
+    if is_of_poses or Frame.BASE in frames:
+        # The log's linear part is in the base's frame, in which the hand is turned.
+        middle = Rotation.from_quat(moved.turns).mean().as_matrix()
+        turn = middle @ turn @ middle.T
     return tuple(
         each if each.turn is None else replace(each, turn=each.turn @ turn) for each in given
     )

@@ -279,7 +279,7 @@ def _trial(
     if any(each.turn is not None for each in given):
         fixed = fixed[:2]
         for _ in range(ROUNDS):
-            given = turned(given, mounts.turn_of(moved, whole, changed, best))
+            given = turned(given, mounts.turn_of(moved, whole, changed, best), smooth, moved)
             moved = motion(smooth, *given)
     first = mounts.start(moved, whole, changed, best, along or 0.0)
     found = mounts.fitted(moved, film, first, fixed, scales)
