@@ -67,7 +67,7 @@ def _block(name: str, rendering: str, rows: list[Row], most: int | None) -> str:
     columns = [0, *range(2, 4)]  # without the division
     head = [table.head[c] for c in columns]
     few = [[table.rows[i][c] for c in columns] for i in shown]
-    which = f", {len(guests)} of them by other authors" if guests else ""
+    which = f", guests: {len(guests)}" if guests else ""
     text = f"{name}: {len(shown)} of {len(table.rows)} contestants{which}."
     return f"{text}\n\n{markdown(Table(head, few, range(1)))}\n"
 
