@@ -352,18 +352,24 @@ def _drawn(
 ) -> tuple[list[Curve], str]:
     """Return the curve y(row) over x (n,) of each contestant, and a note if some are grey.
 
-    Contestants of other people are named and coloured, as many as there are colours; without any,
-    shipped contestants from all ranks are. All others are grey.
+    Guests are named and coloured, as many as there are colours, and with the colours that are left
+    shipped contestants from all ranks. All others are grey.
     """
-    of = [s.row for s in table if not is_home(s.row)] or [s.row for s in table]
-    shares = np.linspace(0, len(of) - 1, min(len(of), len(LIGHT)))
-    named = [of[int(i)] for i in shares]
+    guests = [s.row for s in table if not is_home(s.row)]
+    shipped = [s.row for s in table if is_home(s.row)]
+    named = _spread(guests, len(LIGHT))
+    named += _spread(shipped, len(LIGHT) - len(named))
     others = [s.row for s in table if s.row not in named]
     drawn = [Curve(row.contestant, x, y(row), faint=True) for row in others]
     drawn += [
         Curve(row.contestant, x, y(row), colour=ink) for row, ink in zip(named, LIGHT, strict=False)
     ]
     return drawn, "Grey: all others." * bool(others)
+
+
+def _spread(rows: Sequence[Row], most: int) -> list[Row]:
+    """Return at most so many rows in equal distances, the first and the last among them."""
+    return [rows[int(i)] for i in np.linspace(0, len(rows) - 1, min(len(rows), most))]
 
 
 def _conditions(benchmark: Benchmark, table: Sequence[Standing]) -> Figure:
