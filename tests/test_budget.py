@@ -130,6 +130,17 @@ def test_a_believed_size_counts_for_a_law_on_pixels_only_where_it_is_taken():
 
 
 @pytest.mark.parametrize(
+    ("changes", "is_idle"),
+    [([], True), (['sight.plane="known"'], False), (['sight.depth="known"'], False)],
+)
+def test_the_height_of_the_table_counts_where_something_is_known_from_it(changes, is_idle):
+    scenario = load("plate_line", ["features.kind=points", "sight.table_height=0.01", *changes])
+    with Episode(scenario, seen=False) as episode:
+        found = " ".join(idle_settings(episode))
+    assert ("sight.table_height" in found) == is_idle
+
+
+@pytest.mark.parametrize(
     ("text", "sentence"),
     [
         ("focal=1", "--magnitude focal=1: there is no source of error 'focal'; there is noise"),

@@ -31,6 +31,25 @@ def checked(tmp_path, bound, **files):
     return path, check_scenarios([str(path)], ["start.x=9"], 3, 2, 1, quiet=True, **files)
 
 
+@pytest.mark.parametrize(
+    ("change", "is_refused"),
+    [
+        ("run.seed=1", True),
+        ("run={seed=1,duration=0.2}", True),
+        ("run={duration=0.2}", False),
+        ('run.scheduler="seed"', False),
+        ('tracker={kind="frozen"}', False),
+    ],
+)
+def test_only_a_seed_is_refused_among_the_settings_of_a_run(change, is_refused, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(SHORT.format(bound=1e3))
+    sentence = f"--set {change}: check sets this key by --seed and --seeds: use these options"
+    with pytest.raises(Mistake) as refused:
+        check_scenarios([str(path)], [change, "camera.width=-1"], 3, 2, 1, quiet=True)
+    assert (str(refused.value) == sentence) == is_refused
+
+
 def test_a_missed_bound_is_a_failure_with_its_command(tmp_path, capsys):
     files = {"junit": tmp_path / "out.xml", "json": tmp_path / "out.json"}
     path, code = checked(tmp_path, 0.001, **files)

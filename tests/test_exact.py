@@ -206,6 +206,24 @@ def test_shadows_have_the_same_bits_everywhere():
     assert hashlib.sha256(image.tobytes()).hexdigest() == SHADED
 
 
+def test_a_texture_from_far_away_is_its_mean():
+    """Its coarsest level, one pixel: half of the picture is black, and half is white."""
+    text = """<mujoco>
+     <asset><texture name="halves" type="2d" builtin="checker" rgb1="0 0 0" rgb2="1 1 1" width="8"
+      height="8"/><material name="halves" texture="halves" texrepeat="400 400"/></asset>
+     <visual><headlight ambient="1 1 1" diffuse="0 0 0" specular="0 0 0"/></visual>
+     <worldbody><geom type="plane" size="1 1 .1" material="halves"/>
+      <camera name="eye" pos="0 0 1"/></worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    view = Camera(40.0, 40.0, 20.0, 20.0, 40, 40)
+    for fine in (False, True):
+        image = ExactRenderer(model, "eye", view, fine=fine).begin(data)()
+        assert image.min() >= 127
+        assert image.max() <= 128
+
+
 def drawn_by(kind):
     model, _, view = scene("eye")
     return type(renderer_of(CameraConfig(renderer=kind))(model, "eye", view))

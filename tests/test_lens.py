@@ -218,3 +218,13 @@ def test_another_renderer_can_be_put_in():
     assert np.ptp(edge) >= 2
     assert step.truth.visible == 0.0
     assert Painter.closed == 1
+
+
+def test_noise_below_a_level_is_added():
+    """Half a level of noise moves a third of the pixels of an even picture by one level."""
+    config = CameraConfig(width=64, height=48, noise=0.5)
+    grey = np.full((48, 64, 3), 100, np.uint8)
+    plain = Lens(Camera(60.0, 60.0, 32.0, 24.0, 64, 48))
+    seen = Sensor(config, plain, np.random.default_rng(0)).develop([grey], 1.0)
+    assert abs(seen.astype(int) - 100).max() in (1, 2)
+    assert (seen != 100).mean() == pytest.approx(0.317, abs=0.02)

@@ -18,7 +18,7 @@ from servo.mistake import Mistake
 from servo.report import study_section
 from servo.report.page import LIGHT, Block, Section
 from servo.report.printed import latex
-from servo.report.study_data import load
+from servo.report.study_data import duration, load
 from servo.report.words import Badge, Table, Tone
 from servo.study.bounds import MissedBound
 from servo.study.run import Record
@@ -381,3 +381,8 @@ def test_a_median_over_some_of_the_runs_has_their_number(tmp_path):
     head, rows = compared.tables[0].head, compared.tables[0].rows
     found = [[row[head.index(name)] for row in rows] for name in ("servo_rms_px", "settle_s")]
     assert found == [["1.5", "4.5 (2 of 4)"], ["\u2013", "3 (2 of 4)"]]
+
+
+@pytest.mark.parametrize(("times", "seconds"), [([0.0], 0.0), ([0.0, 0.1, 0.2, 0.5], 0.6)])
+def test_a_run_lasts_until_the_end_of_its_last_frame(times, seconds):
+    assert duration({"time_s": np.array(times)}) == pytest.approx(seconds)

@@ -96,6 +96,14 @@ def test_points_without_noise_give_the_mount(motion, tracks):
     assert found.halves[7:].tolist() == [0] * 5
 
 
+def test_a_short_film_has_wide_intervals(motion, tracks):
+    """Seven blocks of a second and eleven numbers to find: Student's t with one degree of freedom."""
+    found = fitted(motion, tracks, started(motion, tracks))
+    assert found.halves[:7] == pytest.approx(
+        [0.0094, 0.0487, 0.0497, 0.0339, 0.0531, 0.0429, 0.0511], rel=0.05
+    )
+
+
 def test_a_fourth_of_stray_points_is_counted_and_left_out(motion, tracks):
     after = tracks.after.copy()
     after[:, ::4] += 5 / FOCAL

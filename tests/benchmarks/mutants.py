@@ -51,6 +51,13 @@ MUTANTS_THAT_CHANGE_NOTHING: dict[tuple[str, str, int, str, str], str] = {
         "<=",
         "<",
     ): "100 has three digits",
+    (
+        "servo/papers/kams_paper.py",
+        'drawn |= {f"layer {m}, over without": i for m, i in zip(layers, over_still, strict=True)}',
+        87,
+        "True",
+        "False",
+    ): "both have an element for each column of `after`",
 }
 """Reviewed: (file, code of the line, column, old, new) -> why every result stays the same."""
 
