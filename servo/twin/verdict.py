@@ -190,7 +190,9 @@ def judge(
     if not no_offset and max(axes[0] / SLIDES, axes[1] / TURNS) >= 1:
         findings += _of_diagnosis(diagnosis)
     is_turned = any(each.turn is not None for each in diagnosis.best.corrections)
-    mixed = "" if is_turned or no_offset else _mixed(turned)
+    # What moves by itself in the scene looks like such a turn.
+    is_shown = not is_turned and not no_offset and turned.stray <= MANY_STRAY
+    mixed = _mixed(turned) if is_shown else ""
     if mixed:
         mistakes.append(mixed)
         findings.append(Finding("mistake", mixed, MIXED, State.WRONG))
