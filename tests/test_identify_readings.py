@@ -16,7 +16,8 @@ from servo.cli.main import app
 from servo.identify.doubts import doubts, interval_text
 from servo.identify.fit import identify
 from servo.identify.lines import lines
-from servo.identify.log import read
+from servo.identify.log import read, table_in
+from servo.mistake import Mistake
 from tracking.statistics.comparisons import Interval
 
 STEP = 1e-3
@@ -232,3 +233,14 @@ def test_waits_are_used_if_consecutive_ones_are_hardly_alike(tmp_path, kept, is_
     path = tmp_path / "log.csv"
     pyarrow.csv.write_csv(pa.table(columns | {"arrived_s": time + np.array(waits)}), path)
     assert (len(read(path).transport) > 0) is is_used
+
+
+def test_a_log_of_more_than_a_gibibyte_is_not_read(tmp_path):
+    path = tmp_path / "log.csv"
+    with path.open("wb") as file:
+        file.truncate((1 << 30) + 1)  # no block of the disk is written
+    with pytest.raises(Mistake) as refused:
+        table_in(path)
+    assert str(refused.value) == (
+        f"{path}: cannot read this log: it is too large; the limit is 1,073,741,824 bytes"
+    )

@@ -80,6 +80,7 @@ ABSURD = {
     "run.duration=1e9": "run.duration = 1000000000.0: input should be less than or equal to 3600",
     "run.latency=1000": "run.latency = 1000: input should be less than or equal to 100",
     "run.seed=99999999999999999999": "an integer has more than 64 bits; give one from -9223372036854775808 to 9223372036854775807",
+    "run.seed=9223372036854775808": "an integer has more than 64 bits; give one from -9223372036854775808 to 9223372036854775807",
     "goal.x=1e300": "goal.x = 1e+300: input should be less than or equal to 10000",
     "motion={kind='stop_and_go', go=1e-9}": (
         "motion.go = 1e-09: input should be greater than or equal to 0.1"

@@ -52,6 +52,8 @@ def test_overrides_change_values_of_every_type():
     assert changed.controller.dof == ("vx", "vy")
     assert changed.world.visibility is True
     assert changed.run.seed == 7
+    largest = s.load("still", [f"run.seed={2**63 - 1}"])
+    assert largest.run.seed == 2**63 - 1
 
 
 def test_setting_another_kind_clears_the_rest_of_its_table():

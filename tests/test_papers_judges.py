@@ -282,6 +282,19 @@ def test_sizes_are_measured_where_motion_blurs_and_before(percent, finding, shor
     ]
 
 
+@pytest.mark.parametrize(
+    ("lost", "finding"),
+    [("", "HOLDS"), ("a", "DOES_NOT_HOLD"), ("d", "DOES_NOT_HOLD")],
+)
+def test_kams_has_to_complete_the_easy_levels_and_most_of_the_hardest(lost, finding, tmp_path):
+    claim = BY_NAME["P0-2"]
+    found = [
+        replace(r, measures=r.measures | {"completed": float(r.settings["family"][-1] != lost)})
+        for r in results(claim, {})
+    ]
+    assert claim.judge(Evidence(found, QUICK, tmp_path)).finding is Finding[finding]
+
+
 def test_likeness_is_measured_at_the_filter_at_the_truth_and_beside_it(monkeypatch):
     entry = Generated("texture", replace(texture_paper.TEXTURE.config, frames=20, noise=0.0))
     monkeypatch.setattr(texture_paper, "TEXTURE", entry)

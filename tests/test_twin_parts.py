@@ -27,6 +27,7 @@ from servo.twin.corrections import (
     corrections,
     disguises,
     millimetres,
+    mixed,
     motion,
     turned,
 )
@@ -515,6 +516,16 @@ def test_a_turn_that_the_hand_shows_is_one_of_the_frame_of_the_logs_positions(
     assert found.turn == pytest.approx(before @ expected)
 
 
+def test_two_frames_of_a_kind_are_told_by_what_they_do():
+    names = [each.mistake for each in mixed(Smooth(Kind.TWISTS, GRID, np.zeros((2, 6)), ()))]
+    assert names == [
+        "v and w are in two frames that move with the hand, and are turned against each other",
+        "v is in the hand's frame, and w in the base's",
+        "v is in the base's frame, and w in the hand's",
+        "v and w are in two frames that are fixed, and are turned against each other",
+    ]
+
+
 def test_what_is_strange_in_a_film_is_a_doubt():
     film = replace(TRACKS, dark=0.31, cuts=[1.0, 2.0, 3.0, 4.0, 5.0])
     assert verdict(tracks=film).doubts == [
@@ -681,6 +692,19 @@ def compared(**changes):
     flows[:, 0] = np.arange(len(flows))
     at = mount(offset=0.0, arm=np.zeros(3), plane=np.array([0, 0, 1 / 0.6]))
     return replace(Comparison(TRACKS, still, flows, OFFSET, diagnosed(), at, verdict()), **changes)
+
+
+@pytest.mark.parametrize(
+    ("state", "code"),
+    [(State.OK, 0), (State.ADJUST, 0), (State.UNKNOWN, 0), (State.WRONG, 1), (State.REFUSED, 1)],
+)
+def test_the_exit_code_says_whether_the_robot_may_move(tmp_path, monkeypatch, state, code):
+    rows = [Finding("row", "", "", state)]
+    found = compared(verdict=Verdict(rows, [], None, None, False, False, []))
+    (tmp_path / "log.csv").write_text("time_s,hand_x_m\n0,0\n1,0\n")
+    monkeypatch.setattr("servo.cli.preflight_command.comparison", lambda *_: (found, CAMERA, 0.0))
+    words = ["preflight", tmp_path / "log.csv", "film", "--out", tmp_path / "out"]
+    assert CliRunner().invoke(app, [*map(str, words)]).exit_code == code
 
 
 def stood(tmp_path, monkeypatch, *words, mounted="world"):

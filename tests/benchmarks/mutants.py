@@ -58,6 +58,20 @@ MUTANTS_THAT_CHANGE_NOTHING: dict[tuple[str, str, int, str, str], str] = {
         "True",
         "False",
     ): "both have an element for each column of `after`",
+    (
+        "servo/controllers/_pending_commands.py",
+        "return [(t * f, share) for (t, share), f in zip(coming, factors, strict=True)]",
+        80,
+        "True",
+        "False",
+    ): "there is a factor for each command under way",
+    (
+        "servo/papers/texture_paper.py",
+        "return dict(zip(places, 1 - distances.T**2, strict=True))",
+        55,
+        "True",
+        "False",
+    ): "the distances are computed for each place",
 }
 """Reviewed: (file, code of the line, column, old, new) -> why every result stays the same."""
 
