@@ -51,7 +51,8 @@ def test_a_sign_or_a_unit_of_a_command_is_named(factors, found, what):
     [row], mistakes = rows(swings() * factors)
     assert (row.found, row.is_good, mistakes) == (found, False, [found])
     assert row.change == (
-        f"correct the {what} of the commands of {found[:2]}, or of its motion, where it is made"
+        f"correct the {what} of the commands of {found[:2]} where the driver makes them: the film "
+        "agrees with the logged motion (to change the log alone does not change the robot)"
     )
 
 

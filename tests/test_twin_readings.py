@@ -374,7 +374,8 @@ def test_a_twin_of_another_film_has_its_size_and_rate_and_no_replay(unrelated):
     lines = (out / "twin.toml").read_text().splitlines()
     assert lines[:2] == [
         "# the robot of a recording, on the scenario line",
-        "# left out: [vary], [expect] of line, which were for its own robot; add your own",
+        "# left out: [vary], [expect] of line, which were for its own robot; add your own: "
+        "without [vary] all seeds start alike",
     ]
     assert "# hand_eye: not known; it needs a mount that is not refused, and --mount" in lines
     assert "# mistakes in the recording: none found" in lines
@@ -419,7 +420,8 @@ def test_a_twins_scenario_has_its_changes_and_their_comments():
     lines = text.splitlines()
     assert lines[:3] == [
         "# the robot of a recording, on the scenario line",
-        "# left out: [vary], [expect] of line, which were for its own robot; add your own",
+        "# left out: [vary], [expect] of line, which were for its own robot; add your own: "
+        "without [vary] all seeds start alike",
         "# mistakes: none",
     ]
     assert lines[lines.index("lag_ms = 40.0") - 1] == "# +- 3 ms"

@@ -3,7 +3,7 @@ the robot follows its commands, and write the scenario that simulates both.
 """
 
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from servo.cli.preflight_command import (
 )
 from servo.cli.terminal import complain, plain, print_table, waiting
 from servo.cli.track_command import built, region_of, tracker_of
+from servo.identify.lines import UNTRUSTED
 from servo.loop.episode import Episode
 from servo.mistake import Mistake, as_mistake, writing
 from servo.output.run_folder import prepare
@@ -37,7 +38,7 @@ from servo.twin.compare import Comparison
 from servo.twin.other_trackers import CENTRE, Answers, Tracked, recorded
 from servo.twin.readings import command_log, film
 from servo.twin.replay import FILM, RECORDING, turned_by, write_replay
-from servo.twin.verdict import MM, angles_text, place_text
+from servo.twin.verdict import MM, angles_text, ms_text, place_text
 from sim.channels import Channel, needs_of
 from sim.kinds import PartConfig
 from sim.types import Camera, Image
@@ -107,6 +108,9 @@ def run(
     with writing(folder):
         written = atomic.write(folder, SCENARIO, text)
     plain(console, f"{written}: servobench run {written}")
+    if left_out := _left_out(load(scenario).table, scenario):
+        plain(console, left_out)
+    plain(console, *(note for note in notes.values() if note.startswith(UNTRUSTED)))
     blocks = [Block("The scenario", code=[text])]
     if region is not None:
         blocks.append(_others(given, table, compared, begins, base, tracker, region, console))
@@ -157,10 +161,10 @@ def _changes(
         offset, half = mount.offset, mount.halves[0]
         if verdict.mount is None:
             offset, half = verdict.offset.value, verdict.offset.half
-        changes["believed.clock_offset_ms"] = round(-MM * offset, 2)
+        changes["believed.clock_offset_ms"] = round(-MM * offset, 2) + 0.0
         notes["believed.clock_offset_ms"] = (
             f"stamp of a picture minus its true time, so the offset of the pre-flight with the "
-            f"other sign, +- {MM * half:.2f} ms: 0 as soon as your driver adds {MM * offset:.2f} "
+            f"other sign, +- {MM * half:.2f} ms: 0 as soon as your driver adds {ms_text(offset)} "
             "ms to each stamp"
         )
     else:
@@ -246,15 +250,12 @@ def toml(scenario: str, changes: dict[str, object], notes: dict[str, str]) -> st
         Mistake: A setting is not possible.
     """
     texts = [f"{key}={tomli_w.dumps({'x': value})[4:].strip()}" for key, value in changes.items()]
-    table = dict(load(scenario, texts).table)
-    dropped = [f"[{key}]" for key in DROPPED if table.pop(key, None) is not None]
+    whole = load(scenario, texts).table
+    table = {key: value for key, value in whole.items() if key not in DROPPED}
     part = ""
     lines = [f"# the robot of a recording, on the scenario {scenario}"]
-    if dropped:
-        lines.append(
-            f"# left out: {', '.join(dropped)} of {scenario}, which were for its own robot; add "
-            "your own"
-        )
+    if left_out := _left_out(whole, scenario):
+        lines.append(f"# {left_out}")
     lines += [f"# {note}" for key, note in notes.items() if "." not in key]
     for line in tomli_w.dumps(table).splitlines():
         part = line.strip("[]") if line.startswith("[") else part
@@ -262,6 +263,15 @@ def toml(scenario: str, changes: dict[str, object], notes: dict[str, str]) -> st
         lines += [f"# {note}"] if note else []
         lines.append(line)
     return "\n".join(lines) + "\n"
+
+
+def _left_out(table: Mapping[str, object], scenario: str) -> str:
+    """Return a sentence about the tables of a scenario that the twin does not take; "": none."""
+    dropped = ", ".join(f"[{key}]" for key in DROPPED if key in table)
+    if not dropped:
+        return ""
+    alike = ": without [vary] all seeds start alike" * ("vary" in table)
+    return f"left out: {dropped} of {scenario}, which were for its own robot; add your own{alike}"
 
 
 def _replay(

@@ -15,6 +15,8 @@ BEFORE = 0.3
 """Drawn time before the largest change of a channel's command [s]."""
 SHOWN = 3.0
 """Drawn time of each channel [s]."""
+UNTRUSTED = "not to be trusted"
+"""Words with which the comment of a doubt about the settings begins."""
 
 
 def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequence[str]) -> str:
@@ -59,7 +61,7 @@ def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequenc
     gains = ", ".join(f"{name} {interval_text(gain)}" for name, gain in found.gain.items())
     whole = found.whole
     head = [
-        *(f"# not to be trusted: {doubt}" for doubt in doubts),
+        *(f"# {UNTRUSTED}: {doubt}" for doubt in doubts),
         f"# the whole robot as one delay, {interval_text(whole.delay, MILLI)} ms, and one lag, "
         f"{interval_text(whole.lag, MILLI)} ms; together {interval_text(whole.sum, MILLI)} ms",
         f"# gain from command to motion: {gains}; simulated drives have 1, less friction",

@@ -102,7 +102,10 @@ def _wrong(found: Follows, channels: Sequence[LogChannel], delay: float) -> Find
         return None
     what = "sign" if NEAR[0] < -found.gain < NEAR[1] else "unit"
     text = f"{name} moves {found.gain:.3g} times as far as commanded"
-    change = f"correct the {what} of the commands of {name}, or of its motion, where it is made"
+    change = (
+        f"correct the {what} of the commands of {name} where the driver makes them: the film "
+        "agrees with the logged motion (to change the log alone does not change the robot)"
+    )
     return Finding("commands", text, change, State.WRONG)
 
 

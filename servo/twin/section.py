@@ -105,7 +105,8 @@ def section(
         Block("Pictures of the film", pictures=pictures, folded=True),
         again(made),
     ]
-    badge = Badge.of(verdict.is_good, verdict.summary)
+    tone = Tone.PLAIN if verdict.limits else Tone.GOOD
+    badge = Badge(verdict.summary, tone if verdict.is_good else Tone.BAD)
     return Section(kind, "Log against film", lead, badge, facts, blocks, str(folder))
 
 

@@ -123,15 +123,22 @@ class Verdict:
         return all(each.is_good or not each.needs_recording for each in self.findings)
 
     @property
+    def limits(self) -> list[str]:
+        """What limits a good verdict: rows to adjust, rows that are unknown, and doubts."""
+        found: list[str] = []
+        for word, state in (("adjust", State.ADJUST), ("unknown", State.UNKNOWN)):
+            names = ", ".join(each.what for each in self.findings if each.state is state)
+            found += [f"{word}: {names}"] * bool(names)
+        return found + ["in doubt"] * bool(self.doubts)
+
+    @property
     def summary(self) -> str:
-        """Whether the robot may move by its camera, in a few words: "ready", with what is unknown
-        or in doubt, or "not ready".
+        """Whether the robot may move by its camera, in a few words: "ready", with what limits it,
+        or "not ready".
         """
-        unknown = ", ".join(each.what for each in self.findings if each.state is State.UNKNOWN)
-        limits = [f"unknown: {unknown}"] * bool(unknown) + ["in doubt"] * bool(self.doubts)
         if not self.is_good:
             return "not ready"
-        return f"ready, but {' and '.join(limits)}" if limits else "ready"
+        return f"ready, but {'; '.join(self.limits)}" if self.limits else "ready"
 
 
 def second_axes(moved: RobotMotion, tracks: Tracks) -> tuple[float, float]:
@@ -406,24 +413,47 @@ def place_text(mount: Mount) -> str:
     return "x {:.1f}, y {:.1f}, z {:.1f}".format(*np.round(MM * mount.lever, 1) + 0.0)
 
 
+def ms_text(seconds: float) -> str:
+    """Return a time [s] as a text in ms, such as "79.61", without a zero that has a sign."""
+    return f"{round(MM * seconds, 2) + 0.0:.2f}"
+
+
 def _rotation(mount: Mount, believed: Mount | None) -> Finding:
     """Return the row about the rotation of a mount, with the one that the user states."""
     half = float(np.degrees(mount.halves[1:4].max()))
     text = f"{angles_text(mount)} deg, +- {half:.2f}"
-    if believed is not None:
-        text += f"; stated {angles_text(believed)}, ok up to a turn of "
-        text += f"{half + np.degrees(ALIKE):.1f} deg"
-    return Finding("mount: rotation", text)
+    if believed is None:
+        return Finding("mount: rotation", text)
+    away = float(np.degrees(angle_of(believed.rotation.T @ mount.rotation)))
+    most = half + float(np.degrees(ALIKE))
+    text += f"; stated {angles_text(believed)}, "
+    if away > most:
+        return Finding("mount: rotation", f"{text}{away:.1f} deg away", "", State.WRONG)
+    return Finding("mount: rotation", f"{text}ok up to a turn of {most:.1f} deg")
 
 
 def _lever(mount: Mount, believed: Mount | None) -> Finding:
     """Return the row about the lever of a mount, with the one that the user states."""
     half = MM * float(mount.halves[4:7].max())
     text = f"{place_text(mount)} mm, +- {half:.1f}"
-    if believed is not None:
-        text += f"; stated {place_text(believed)}, ok up to {half + MM * CLOSE:.0f} mm along each "
-        text += "axis"
-    return Finding("mount: lever", text)
+    if believed is None:
+        return Finding("mount: lever", text)
+    text += f"; stated {place_text(believed)}, "
+    off = _off(mount, believed)
+    if not _is_near(off, mount):
+        away = MM * np.linalg.norm(off)
+        return Finding("mount: lever", f"{text}{away:.0f} mm away", "", State.WRONG)
+    return Finding("mount: lever", f"{text}ok up to {half + MM * CLOSE:.0f} mm along each axis")
+
+
+def _off(mount: Mount, believed: Mount) -> Array:
+    """Return how far a stated camera is from the found one (3,) [m], along the found one's axes."""
+    return mount.arm - mount.rotation.T @ believed.lever
+
+
+def _is_near(off: Array, mount: Mount) -> bool:
+    """Return True if a stated camera that is so far away (3,) [m] may be the found one."""
+    return bool(np.all(abs(off) < mount.halves[4:7] + CLOSE))
 
 
 def _of_film(tracks: Tracks) -> list[str]:
@@ -492,12 +522,12 @@ def _of_clocks(
         return [Finding("clock offset", text, change, State.UNKNOWN)]
     when = "end of its exposure, last row" if late else "middle of its exposure, middle row"
     text = (
-        f"{MM * value:.2f} ms, +- {MM * half:.2f}: a picture with the stamp t was taken at "
+        f"{ms_text(value)} ms, +- {MM * half:.2f}: a picture with the stamp t was taken at "
         f"t + offset on the log's clock ({when})"
     )
     rows = [Finding("clock offset", text)]
     if abs(value) > LATE:
-        change = f"add {MM * value:.2f} ms to the stamp of each picture"
+        change = f"add {ms_text(value)} ms to the stamp of each picture"
         rows = [Finding("clock offset", text, change, State.ADJUST)]
     if mount is None or abs(mount.drift) <= max(DRIFTS, mount.halves[mounts.DRIFT]):
         return rows
@@ -564,8 +594,8 @@ def _against_believed(
         found = f"the rotation differs by {np.degrees(angle_of(turn)):.1f} deg"
         change = "set the rotation that is found here, or calibrate the mount"
         return [Finding(AGAINST, found, change, State.WRONG)]
-    off = mount.arm - mount.rotation.T @ believed.lever
-    if not has_lever or np.all(abs(off) < mount.halves[4:7] + CLOSE):
+    off = _off(mount, believed)
+    if not has_lever or _is_near(off, mount):
         return []
     found = f"the lever differs by {MM * np.linalg.norm(off):.0f} mm"
     change = "set the lever that is found here, or calibrate the mount"
