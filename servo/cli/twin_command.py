@@ -37,7 +37,7 @@ from servo.twin import section as sections
 from servo.twin.compare import Comparison
 from servo.twin.other_trackers import CENTRE, Answers, Tracked, recorded
 from servo.twin.readings import command_log, film
-from servo.twin.replay import FILM, RECORDING, turned_by, write_replay
+from servo.twin.replay import FILM, RECORDING, room_in, turned_by, write_replay
 from servo.twin.verdict import MM, angles_text, ms_text, place_text
 from sim.channels import Channel, needs_of
 from sim.kinds import PartConfig
@@ -52,10 +52,11 @@ DEFAULT = "line"
 DROPPED = ("vary", "expect", "sweep")
 """Tables that draw settings of the scenario to begin with, or judge it."""
 STILLS = 3
-HEADING = (
-    "Unless the scene's plane is level and as high as the base's origin, its heading is free: the "
-    "simulated scene may be turned about the vertical, and then differs everywhere."
+TURNED = (
+    "The film's plane is not level, or not as high as the base's origin: the simulated scene is "
+    "placed by it, may be turned about the vertical, and then differs everywhere."
 )
+PLACED = "The film's plane is level and as high as the base's origin, as the simulated table's top."
 
 
 def run(
@@ -287,14 +288,16 @@ def _replay(
     source, pictures = film(given.video, given.rate, given.topic, given.stamps)
     path = folder / FILM
     count = source.count or len(compared.tracks.times)
+    room = room_in(compared)
+    placed = PLACED if room is None else TURNED
     with (
         Episode(load(scenario), seen=False) as episode,
         writing(folder),
         progress(console, "drawing again", count) as tick,
     ):
-        found = write_replay(pictures, begins, compared, camera, episode, folder, tick)
+        found = write_replay(pictures, begins, compared, camera, room, episode, folder, tick)
     text = f"median difference {np.median(found):.1f} of 255 grey levels"
-    plain(console, f"{path}: film and simulation; {text}", HEADING)
+    plain(console, f"{path}: film and simulation; {text}", placed)
     plain(console, f"servobench view {folder / RECORDING}")
     stills = [
         PageImage.of("", encoded(each), FILM, sheet=True)
@@ -306,7 +309,7 @@ def _replay(
             [
                 f"The whole film is {FILM}, and {RECORDING} for `servobench view`; {text}: half of "
                 "the pixels of half of the pictures differ by less. The scene is that of "
-                f"{scenario.name}: only things that it has can agree. {HEADING}"
+                f"{scenario.name}: only things that it has can agree. {placed}"
             ],
             pictures=stills,
         )

@@ -38,11 +38,19 @@ STEP = 0.5
 """Interval of the postures that place the scene [s]."""
 
 
-def room_of(poses: list[Pose], plane: Array) -> Pose:
+def room_in(compared: Comparison) -> Pose | None:
+    """Return `room_of` for a comparison of log and film, by postures in even intervals."""
+    times = np.arange(compared.motion.times[0], compared.motion.times[-1], STEP)
+    poses = camera_poses(compared.motion, compared.mount, times)
+    return room_of(poses, compared.mount.plane)
+
+
+def room_of(poses: list[Pose], plane: Array) -> Pose | None:
     """Return T_room_base [m], the pose of a real robot's base in the simulated room, so that the
     plane of the scene is the table's top, and the point at the middle of the pictures is at the
-    table's middle, on average over the poses. It is the identity if the plane is level to 3 deg and
-    at the height of the base's origin to 3 cm.
+    table's middle, on average over the poses. The rotation about the vertical is not known then.
+    None: the base's frame is the room's, as the plane is level to 3 deg and at the height of the
+    base's origin to 3 cm.
 
     Args:
         poses: Poses T_base_camera [m].
@@ -59,7 +67,7 @@ def room_of(poses: list[Pose], plane: Array) -> Pose:
     right /= np.linalg.norm(right)
     R = np.stack([right, np.cross(up, right), up])
     is_room = np.arccos(np.clip(up[2], -1, 1)) < UPRIGHT and abs(middle[2]) < NEAR
-    return Pose(np.eye(3), np.zeros(3)) if is_room else Pose(R, -R @ middle)
+    return None if is_room else Pose(R, -R @ middle)
 
 
 def write_replay(
@@ -67,6 +75,7 @@ def write_replay(
     begins: float,
     compared: Comparison,
     camera: Camera,
+    room: Pose | None,
     episode: Episode,
     folder: Path,
     tick: Callable[[str], None],
@@ -80,6 +89,7 @@ def write_replay(
             added.
         compared: The comparison of log and film.
         camera: The film's camera.
+        room: The base in the simulated room, from `room_in`.
         episode: The simulated scene.
         folder: Folder to write into.
         tick: Called after each picture, with a note; Ctrl-C in it ends the film there.
@@ -88,7 +98,6 @@ def write_replay(
     stretch, flips = effect(compared.diagnosis.best.corrections)
     middle = float(compared.tracks.times[[0, -1]].mean())
     first, last = motion.times[0], motion.times[-1]
-    room = room_of(camera_poses(motion, mount, np.arange(first, last, STEP)), mount.plane)
     view = Camera(
         camera.fx * mount.focal,
         camera.fy * mount.focal,
@@ -110,7 +119,8 @@ def write_replay(
                 time += mount.offset + mount.drift * (time - middle)
                 if picture.image is None or not first < time < last:
                     continue
-                pose = room @ camera_poses(motion, mount, np.array([time]))[0]
+                (pose,) = camera_poses(motion, mount, np.array([time]))
+                pose = pose if room is None else room @ pose
                 drawn = scene.picture(pose, time)
                 seen = np.ascontiguousarray(picture.image[:: int(flips[1]), :: int(flips[0])])
                 off = _difference(seen, drawn)
