@@ -166,6 +166,7 @@ def test_a_wrong_depth_is_a_gain_that_is_wrong_by_as_much(factor):
     assert (errors[-1] / errors[0]) ** (1 / 39) == pytest.approx(1 - factor / 25, abs=1e-3)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("features", SCHEMES)
 def test_an_ignored_distortion_changes_the_depth_by_what_it_does_to_the_corners(features):
     """Corners at r are seen at r (1 + k r^2), and have to be where a pinhole sees them at 0.1 m."""

@@ -169,6 +169,7 @@ def test_theory_is_that_of_a_wrong_calibration():
     assert theory(OF["focal_length"], 1.0, load("hand_follow"), 600.0) is None
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("name", ["focal_length", "target_size", "mount_translation"])
 def test_simulation_ends_where_theory_says(name):
     plan = plan_of("still", *POSE)

@@ -21,6 +21,7 @@ MOST_PX_OF_MIL = 10.0
 OpenGL's pictures, 0.5 to 9.2 px with those of the exact renderer."""
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("kind", TRACKERS)
 @pytest.mark.newest
 def test_every_tracker_closes_the_loop(kind):

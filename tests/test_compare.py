@@ -109,6 +109,7 @@ def test_a_program_that_cannot_start_is_named_before_anything_runs(tmp_path):
     assert not (tmp_path / "x").exists()
 
 
+@pytest.mark.wide
 def test_one_command_writes_study_page_table_and_figures(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     line = "compare still --tracker frozen --tracker best=truth --set run.duration=0.3 --seeds 1"

@@ -90,6 +90,7 @@ def test_a_wrong_size_does_no_harm_where_the_depth_is_measured(tracker: str, fea
     assert by_picture == pytest.approx(1.0, abs=2e-3)
 
 
+@pytest.mark.wide
 def test_a_depth_picture_stands_in_for_a_tracker_that_follows_no_size() -> None:
     near = ("tracker.kind=kams", "start.scale=1.2", "run.duration=4")
     assert last(*near).truth.depth - SURFACE == pytest.approx(1 / 1.2, abs=2e-3)
@@ -97,6 +98,7 @@ def test_a_depth_picture_stands_in_for_a_tracker_that_follows_no_size() -> None:
     assert found.truth.depth - SURFACE == pytest.approx(1.0, abs=2e-3)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("features", ["hybrid", "points"])
 def test_a_plane_of_the_picture_levels_a_camera_whose_tracker_sees_no_tilt(features: str) -> None:
     kinds = ("robot.kind=free", "tracker.kind=truth", f"features.kind={features}")

@@ -74,6 +74,7 @@ MOVING = {"line": [0], "sine": [0], "wander": [0, 3]}
 """Features that move."""
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(("name", "seed"), [("line", 1000), ("sine", 1001), ("wander", 1002)])
 @pytest.mark.newest
 def test_innovations_in_the_rendered_loop(name, seed):

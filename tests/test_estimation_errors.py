@@ -60,6 +60,7 @@ def nees_of_model(motion, factor):
     return np.array(found).mean(axis=(0, 2))
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("kind", MOTIONS)
 def test_a_filter_knows_how_wrong_its_motion_is_with_the_right_process_noise_only(kind):
     """The 99 % band of NEES. A level that is learned hides noise that is too large."""

@@ -94,6 +94,7 @@ measured goal is then 4 mm off, and a filter's motion is limited by the robot.
 """
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     "changes",
     [pytest.param(RENDERERS["opengl"], marks=pytest.mark.opengl), RENDERERS["exact"]],

@@ -118,6 +118,7 @@ def test_a_start_that_no_posture_takes_is_told():
         assert not remarks(episode)
 
 
+@pytest.mark.wide
 def test_a_tilt_that_no_tracker_reports_is_told_and_is_not_converged():
     changes = ["tracker.kind=truth", "start.tilt_deg=40", "run.duration=6"]
     scenario = load("turn_90_points", changes)

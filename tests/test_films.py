@@ -193,6 +193,7 @@ def test_the_room_shows_where_the_camera_looks_and_has_been():
     assert drawn.mean() < 0.01
 
 
+@pytest.mark.wide
 def test_one_view_follows_the_camera_and_the_corners_leave_their_ways():
     changes = [*CHANGES, "tracker.kind=truth", "start.x=60", "run.duration=1"]
     steps = list(servo.run(servo.load("line", changes)))
@@ -216,6 +217,7 @@ def test_one_view_follows_the_camera_and_the_corners_leave_their_ways():
     assert sum(begins) >= 2  # the outlines hide others
 
 
+@pytest.mark.wide
 @pytest.mark.newest
 def test_two_runs_are_beside_each_other_and_the_shorter_one_stands_still(tmp_path):
     moving = [*CHANGES, "tracker.kind=truth"]

@@ -57,6 +57,7 @@ def test_nothing_else_is_taken_back(kind):
     np.testing.assert_array_equal(*(e.skip(caused, DT).motion for e in (late, plain)))
 
 
+@pytest.mark.wide
 def test_the_camera_does_not_drive_off_with_a_target_that_a_board_begins_to_hide():
     """It drove 14 px off by an estimate that the board had moved by 1.2 px, too little to doubt."""
     record = servo.simulate("occlusion_partial", ["run.duration=6"], seed=26).record

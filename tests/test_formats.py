@@ -179,6 +179,7 @@ run.latency = [0, 1]
 """
 
 
+@pytest.mark.wide
 @pytest.mark.usefixtures("no_workers", "undrawn")
 @pytest.mark.parametrize("kind", COMMANDS)
 def test_the_page_of_each_folder_shows_the_stored_command(kind, monkeypatch, tmp_path):

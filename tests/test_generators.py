@@ -178,6 +178,7 @@ def test_gravel_has_a_colour_70_levels_from_the_cars():
     assert np.linalg.norm(ground - car) == pytest.approx(70, abs=3)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("hidden", [0, 3, 4])
 def test_the_target_is_hidden_in_as_many_frames_as_asked_for(hidden):
     clear, barred = (

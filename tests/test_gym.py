@@ -34,6 +34,7 @@ def steps_of(env, actions, **reset):
     return [(first, None, told), *((o, r, i) for o, r, _, _, i in map(env.step, actions))]
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("observation", servo.gym.OBSERVATIONS)
 @pytest.mark.parametrize("action", servo.gym.ACTIONS)
 def test_gymnasiums_own_check_finds_nothing(observation, action):

@@ -65,6 +65,7 @@ def test_light_and_a_hidden_part_do_not_move_it(scene):
     assert errors.max() < 0.8
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("hidden", "paint"),
     [((0, 0, 1, 0.3), 110), ((0, 0, 0.3, 1), 30), ((0, 0, 0.55, 0.55), 90), ((0.7, 0, 1, 1), None)],

@@ -56,6 +56,7 @@ def test_the_intervals_cover_what_was_simulated(logged):
     assert 0 <= found.transport < 1e-4
 
 
+@pytest.mark.wide
 def test_the_lines_are_settings_and_a_picture_is_beside_them(logged, tmp_path):
     done = run(logged[0], "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output

@@ -118,6 +118,7 @@ def test_a_robot_that_is_no_delay_and_lag_is_doubted(path):
     assert doubts(log, identify(log, [1e-4]), {}) == []
 
 
+@pytest.mark.wide
 def test_a_play_is_that_of_its_own_joint(tmp_path):
     """With the delay and the lag of both joints, one that has no play got one of 5 mm."""
     write(tmp_path / "x.csv", first_order(0.08), delay=0.05, noise=2e-4)

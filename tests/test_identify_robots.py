@@ -28,6 +28,7 @@ def covers(interval, true):
     return interval.low <= true <= interval.high
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(("play", "seed"), [(0.005, 2001), (0.01, 2002), (0.02, 2003)])
 def test_play_behind_the_lag_moves_neither_delay_nor_lag(tmp_path, play, seed):
     """Without the play in this place the delay is 2 to 8 ms too long, and the play 12 % too wide."""
@@ -75,6 +76,7 @@ def test_intervals_reach_to_a_channel_that_differs_and_a_line_says_so(tmp_path):
     )
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("factor", "gain", "wrong"), [(0.5, "2.0", "unit"), (57.3, "0.0", "unit"), (-1, "-1.0", "sign")]
 )

@@ -83,6 +83,7 @@ def test_a_redundant_arm_leaves_a_singular_pose_without_moving_the_camera():
     np.testing.assert_allclose(robot.eye(data).translation, eye.translation, atol=5e-3)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("weight", [0.0, 1.0, 10.0])
 def test_no_self_motion_takes_a_joint_to_its_limit(weight):
     """From ten postures, whatever the joints like together."""

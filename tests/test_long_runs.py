@@ -32,6 +32,7 @@ def measured():
     return run, steps, grown
 
 
+@pytest.mark.wide
 def test_little_stays_of_a_step(measured):
     run, _, grown = measured
     assert len(run) == 300

@@ -78,6 +78,7 @@ def test_it_installs_and_runs_as_it_is(package, pip, tmp_path):
     assert "red_dot" in (tmp_path / "out" / "table.csv").read_text()
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("part", "section", "scenario"),
     [

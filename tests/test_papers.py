@@ -114,6 +114,7 @@ def test_a_claim_is_run_told_drawn_and_written(monkeypatch, capfd, tmp_path):
     }
 
 
+@pytest.mark.wide
 @pytest.mark.usefixtures("no_progress")
 def test_a_known_verdict_that_changes_ends_a_full_run_with_1(monkeypatch, capfd, tmp_path):
     monkeypatch.setattr(servo_paper, "SEEDS", 2)

@@ -237,6 +237,7 @@ def test_without_a_target_the_learning_law_stands():
     assert not law.command(None, posture_of(np.zeros(6)), DT).twist.any()
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("kind", "outcome"),
     [("points", Outcome.TIMED_OUT), ("moments", Outcome.CONVERGED)],

@@ -80,6 +80,7 @@ def table_of(output, name):
     return tomllib.loads(output.split(f"{name}:\n")[1].split("\n\n")[0])
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("kind", ["sharp", "hard", "bent"])
 def test_dots_on_the_plane_are_where_they_were(folder, plane, bent, kind):
     image = bent
@@ -119,6 +120,7 @@ def best_shift(dots, wanted):
     return shift + np.median(apart[np.arange(len(dots)), nearest], axis=0)
 
 
+@pytest.mark.wide
 def test_without_its_calibration_a_bent_picture_is_less_true(folder, bent):
     (folder / "camera.yaml").write_text(CAMERA)
     write("a.png", bent)
@@ -129,6 +131,7 @@ def test_without_its_calibration_a_bent_picture_is_less_true(folder, bent):
     assert errors[1] < 0.15 < errors[0]
 
 
+@pytest.mark.wide
 def test_the_sheets_place_is_filled_from_beside_it(folder, plain):
     write("a.png", plain)
     for covered in ("keep", "fill", "crop"):

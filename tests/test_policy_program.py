@@ -91,6 +91,7 @@ def python(words):
     return f"program:{shlex.quote(sys.executable)} {words}"
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("lens", [[], LENS])
 def test_a_class_has_the_same_commands_in_this_process_in_another_and_by_lines_of_json(
     module, lens

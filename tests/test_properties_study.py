@@ -134,6 +134,7 @@ def write(path, table):
     assert list(tomllib.loads(path.read_text("utf-8"))) == list(table)
 
 
+@pytest.mark.wide
 @settings(max_examples=150)
 @given(STUDIES | st.fixed_dictionaries({}, optional=TABLES) | st.dictionaries(st.text(), VALUES))
 def test_any_table_is_a_study_or_one_sentence(path, table):

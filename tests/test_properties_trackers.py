@@ -119,6 +119,7 @@ def uhd():
     return [painted(look, UHD, 7) for look in ("noise", "grain", "black")]
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("size", [(40.0, 30.0), UHD], ids=["small", "all of it"])
 def test_a_4k_picture_is_a_picture(kind, size, uhd):

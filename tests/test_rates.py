@@ -58,6 +58,7 @@ def test_a_camera_of_any_rate_stays_in_step_with_the_world(rate):
         assert world.posture().twist[0] == pytest.approx(0.1, rel=0.05)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("rate", [25.0, 29.97, 50.0])
 def test_the_loop_converges_at_any_rate(rate):
     changes = [

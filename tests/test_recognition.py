@@ -33,6 +33,7 @@ def test_the_first_view_and_the_newest_are_kept(smooth_image):
     assert alike[1:3].max() < 0.9
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("kind", ["annealed", "pf_ssd"])
 def test_a_target_out_of_the_picture_is_lost_within_a_second_and_found_again(kind):
     sequence = Config(frames=100, away=40, hidden=0, turn_deg=0.0, zoom=1.0).build(

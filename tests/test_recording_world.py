@@ -61,6 +61,7 @@ def recorded(folder, *changes):
     return run("recording", f"recording.pictures={folder}", *changes)
 
 
+@pytest.mark.wide
 @pytest.mark.skipif(not is_there(), reason="OpenGL is missing: compares with its pictures")
 @pytest.mark.parametrize("tracker", ["truth", "pf_ssd"])
 def test_it_is_the_simulation_that_was_filmed(table, tracker):

@@ -248,6 +248,7 @@ def test_the_command_prints_the_path_it_wrote(make_papers, monkeypatch, capfd, t
     assert (folder / "report.html").read_text().startswith("<!DOCTYPE html>")
 
 
+@pytest.mark.wide
 @pytest.mark.newest  # Rerun before 0.38 reads no recording, and the page has no picture of it
 def test_the_page_opens_in_a_browser_and_fits_a_phone(whole, browser):
     browser.get(whole.as_uri())
@@ -268,6 +269,7 @@ def test_the_page_opens_in_a_browser_and_fits_a_phone(whole, browser):
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
 
 
+@pytest.mark.wide
 @pytest.mark.usefixtures("undrawn")
 def test_a_click_on_a_head_sorts_the_rows_and_a_second_one_turns_them(browser, tmp_path):
     page = write([make_study(tmp_path / "study")], tmp_path / "page.html")[0]
@@ -285,6 +287,7 @@ def test_a_click_on_a_head_sorts_the_rows_and_a_second_one_turns_them(browser, t
     assert browser.execute_script(words) == ["CONVERGED"] * 6 + ["TARGET_LOST"] * 2
 
 
+@pytest.mark.wide
 def test_tables_and_figures_of_a_page_are_files_with_the_measures_asked_for(tmp_path):
     folder = make_study(tmp_path / "study", kinds=("pf_ssd", "50_%&"))
     printed = Printed(tmp_path / "tables.tex", "pdf", "settle_s,servo_rms_px")

@@ -104,6 +104,7 @@ def test_more_latency_is_a_later_command():
         np.testing.assert_array_equal(step.twist_acting, expected)
 
 
+@pytest.mark.wide
 def test_a_small_weight_on_the_turns_keeps_the_camera_almost_level():
     weights = ["controller.weights=[1.0, 1.0, 1.0, 0.1, 0.1, 1.0]", "run.duration=6.0"]
     assert report_of(load("six_dof", weights)).measures["tilt_peak_deg"] < 1.0

@@ -99,6 +99,7 @@ def test_the_command_of_a_run_makes_its_very_scenario(small):
         assert alone.settings() == run.subject.parsed(run.seed, run.settings).settings()
 
 
+@pytest.mark.wide
 def test_the_study_of_trackers_has_all_that_follow_the_car():
     everything = load("trackers")
     every = {*general_kinds()} - {"homography"}

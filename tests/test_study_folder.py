@@ -77,6 +77,7 @@ def test_what_does_not_fit_the_plan_is_run_again(small, folder, damage):
         assert kept.damaged == ([] if damage == "no row" else ["000002"])
 
 
+@pytest.mark.wide
 def test_no_flipped_bit_changes_what_is_read(small, folder):
     file = folder / RUNS
     raw = file.read_bytes()

@@ -192,6 +192,7 @@ def test_a_study_prints_and_writes_these_tables(printed, approved, capfd, monkey
     approved("tables/study", told)
 
 
+@pytest.mark.wide
 def test_the_manifest_of_every_shipped_study_is_this(approved):
     found = {}
     for name in studies():

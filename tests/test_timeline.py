@@ -120,6 +120,7 @@ def test_no_estimator_is_worse_than_none_with_a_slow_tracker():
     assert max(run["servo_rms_px"] for run in others) < 0.8 * none["servo_rms_px"]
 
 
+@pytest.mark.wide
 def test_one_frame_of_delay_costs_a_predicting_estimator_nothing():
     changes = "estimator.kind=error_kalman", "run.tracker_ms=33"
     assert measured_run(load("line", changes))[1].measures["servo_rms_px"] < 1.0
@@ -159,6 +160,7 @@ class Sleeper:
         return True, self.rect
 
 
+@pytest.mark.wide
 def test_times_are_of_the_frames_in_which_the_tracker_worked():
     """Nearly all frames of a slow tracker are without a call: medians over all would be near 0."""
     scenario = load("still", ["run.tracker_ms=measured", "run.duration=1"], tracker=Sleeper)

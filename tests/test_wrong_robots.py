@@ -196,6 +196,7 @@ def test_the_picture_takes_a_free_name_and_the_names_of_joints_are_whole(tmp_pat
     assert re.search(r"the_last_link_of_all_its_links +body +6", done.output)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(("robot", "height"), [("gantry", 1.55), ("scara", 1.25), ("arm7", 1.2)])
 def test_the_picture_has_the_whole_robot_with_its_stand(robot, height, monkeypatch, tmp_path):
     fit, look, seen = RoomView.fit, RoomView.look, []
@@ -266,6 +267,7 @@ def test_a_flange_that_nothing_moves_is_refused(tmp_path):
         mjcf.Config(model=str(model), flange="stand").build(np.random.default_rng(0))
 
 
+@pytest.mark.wide
 def test_the_command_takes_a_flange_that_three_joints_move(urdf, tmp_path):
     picture = ["--out", str(tmp_path / "a.png")]
     done = CliRunner().invoke(app, ["robot", str(urdf), "--flange", "elbow_link", *picture])
