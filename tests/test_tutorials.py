@@ -48,8 +48,8 @@ PRINTS = {
         (r"clock offset +adjust +([\d.]+) ms", (77.0, 83.0)),
         (r"commands +ok +(followed)", "followed"),
         (
-            r"(ready. Next: servobench tune twin/twin.toml)",
-            "ready. Next: servobench tune twin/twin.toml",
+            r"(ready, but adjust: clock offset. Next: servobench tune twin/twin.toml)",
+            "ready, but adjust: clock offset. Next: servobench tune twin/twin.toml",
         ),
         (r"median difference ([\d.]+) of 255", (0.0, 12.0)),
     ],

@@ -40,6 +40,8 @@ from servo.twin.robot_motion import RobotMotion, of_twists
 from servo.twin.scene_camera import SceneCamera
 from servo.twin.tracks import Tracks, corners, follow
 from servo.twin.verdict import (
+    MANY_STRAY,
+    STRAY_BESIDE,
     Finding,
     State,
     Verdict,
@@ -362,10 +364,11 @@ def verdict(
     focal=True,
     along=False,
     stamped=True,
+    most_stray=MANY_STRAY,
 ):
     return judge(
         offset, diagnosis or diagnosed(), at or mount(), at or mount(), tracks, axes, believed,
-        trusts_focal=focal, trusts_along=along, stamped=stamped,
+        trusts_focal=focal, trusts_along=along, stamped=stamped, most_stray=most_stray,
     )  # fmt: skip
 
 
@@ -548,6 +551,8 @@ def test_a_scene_of_which_a_part_moves_by_itself_shows_no_mount():
     )
     assert (found.mount, found.offset is None, found.has_lever) == (None, False, False)
     assert verdict(at=mount(stray=0.1)).is_good
+    assert verdict(at=mount(stray=0.3), most_stray=STRAY_BESIDE).is_good
+    assert not verdict(at=mount(stray=0.31), most_stray=STRAY_BESIDE).is_good
 
 
 @pytest.mark.parametrize(

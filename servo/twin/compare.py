@@ -16,7 +16,17 @@ from servo.twin.offset import Offset
 from servo.twin.robot_motion import RobotMotion
 from servo.twin.still_tag import StillTag
 from servo.twin.tracks import Tracks
-from servo.twin.verdict import SHALLOW, SLIDES, TURNS, Verdict, judge, preferred, second_axes
+from servo.twin.verdict import (
+    MANY_STRAY,
+    SHALLOW,
+    SLIDES,
+    STRAY_BESIDE,
+    TURNS,
+    Verdict,
+    judge,
+    preferred,
+    second_axes,
+)
 from sim.types import Array
 
 ROUGH = 0.04
@@ -121,6 +131,7 @@ def compare(
         late=trust.late,
         tag=tag,
         stamped=trust.stamped,
+        most_stray=STRAY_BESIDE if smooth.is_inverse else MANY_STRAY,
     )
     return Comparison(film, moved, flows, offset, diagnosis, mount, verdict)
 

@@ -37,6 +37,9 @@ SCATTERED = 3.0
 MANY_STRAY = 0.1
 """Share of points off the fit above which a part of the scene itself seems to move: 0.08 at most in
 simulated recordings with a small car that moves, 0.13 in a real one with a hand in view."""
+STRAY_BESIDE = 0.3
+"""The same for a camera that stands, before which points beside what is carried, and at its edges,
+are off the fit, too: 0.1 where nothing else moves."""
 DARK = 0.3
 """Share of dark pictures above which a film is too dark."""
 LATE = 5e-3
@@ -170,6 +173,7 @@ def judge(
     late: float = 0.0,
     tag: TagFit | None = None,
     stamped: bool = True,
+    most_stray: float = MANY_STRAY,
 ) -> Verdict:
     """Return the verdict of a pre-flight: what is right, wrong, or too uncertain to be stated.
 
@@ -188,6 +192,7 @@ def judge(
         late: How long before its stamp the middle of a picture was exposed [s]; 0: unknown.
         tag: What a tag in the film shows, if there is one: the mount is then of it.
         stamped: Whether the film's times are stamps, as the robot's program uses them.
+        most_stray: Share of points off the fit above which no mount is stated.
     """
     findings: list[Finding] = []
     no_offset = _no_offset(offset)
@@ -198,13 +203,15 @@ def judge(
         findings += _of_diagnosis(diagnosis)
     is_turned = any(each.turn is not None for each in diagnosis.best.corrections)
     # What moves by itself in the scene looks like such a turn.
-    is_shown = not is_turned and not no_offset and turned.stray <= MANY_STRAY
+    is_shown = not is_turned and not no_offset and turned.stray <= most_stray
     mixed = _mixed(turned) if is_shown else ""
     if mixed:
         mistakes.append(mixed)
         findings.append(Finding("mistake", mixed, MIXED, State.WRONG))
     why = "the clock offset is not known" if no_offset else mixed
-    no_mount = _no_mount(why, diagnosis, mount, axes, stated=believed is not None)
+    no_mount = _no_mount(
+        why, diagnosis, mount, axes, stated=believed is not None, most_stray=most_stray
+    )
     known = trusts_focal or trusts_along
     no_lever = _no_lever(no_mount, mount, axes, known=known)
     if not no_offset:
@@ -277,7 +284,13 @@ def _no_offset(offset: Offset) -> Finding | None:
 
 
 def _no_mount(
-    why: str, diagnosis: Diagnosis, mount: Mount, axes: tuple[float, float], *, stated: bool
+    why: str,
+    diagnosis: Diagnosis,
+    mount: Mount,
+    axes: tuple[float, float],
+    *,
+    stated: bool,
+    most_stray: float,
 ) -> Finding | None:
     """Return the row about a mount whose rotation is refused; None if it is not.
 
@@ -287,6 +300,7 @@ def _no_mount(
         mount: The fit.
         axes: The hand's sliding [m/s] and turning [rad/s] along its second axis.
         stated: Whether the user states a mount.
+        most_stray: Largest share of points off the fit.
     """
     apart = [
         angle_of(diagnosis.best.mount.rotation.T @ other.mount.rotation)
@@ -335,8 +349,8 @@ def _no_mount(
             True,
         ),
         (
-            mount.stray > MANY_STRAY,
-            f"{100 * mount.stray:.0f} % of the points (at most {100 * MANY_STRAY:.0f}) do not move "
+            mount.stray > most_stray,
+            f"{100 * mount.stray:.3g} % of the points (at most {100 * most_stray:g}) do not move "
             "with the scene: a part of it moves by itself, or is very near",
             STILL_SCENE,
             True,
