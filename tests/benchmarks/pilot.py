@@ -1,8 +1,8 @@
 """Whether the conditions of a draft of a benchmark part its contestants, on worlds to tune on:
 
-    uv run python tests/benchmarks/pilot.py DRAFT ROWS.jsonl [worlds=N] [contestants=A,B] [workers=N]
+    uv run python tests/benchmarks/pilot.py DRAFT ROWS.jsonl [worlds=N] [contestants=A,B] [conditions=C,D] [workers=N]
 
-With a folder of published rows in place of ROWS.jsonl it prints the table of these, and runs nothing. Else it runs the contestants (by default all shipped ones) in the first N worlds of each condition, adds a line for each run
+With a folder of published rows in place of ROWS.jsonl it prints the table of these, and runs nothing. Else it runs the contestants (by default all shipped ones) in the first N worlds of each condition (of all, or of those named), adds a line for each run
 to ROWS.jsonl (runs that are there already are not repeated), and prints a table in Markdown. The rule, written before the
 run: a condition is taken if the best contestant wins 40 to 70 % of its worlds, a camera that stands still under 5 %, and
 the item-rest correlation (of a world's results with the contestants' share in all other worlds) is above .2 in 80 % of the
@@ -26,11 +26,17 @@ from servo.study.execute import Workers, execute
 from servo.study.run import Failure
 
 
-def run(draft: str, rows: Path, count: int, names: list[str], processes: int) -> None:
+def run(
+    draft: str, rows: Path, count: int, names: list[str], conditions: list[str], processes: int
+) -> None:
     """Run what is missing in the file of rows, and add it."""
     benchmark = load(draft)
     done = {(row["world"], row["contestant"]) for row in read(rows)}
-    worlds = benchmark.every_world(Band(), count)
+    worlds = [
+        world
+        for world in benchmark.every_world(Band(), count)
+        if not conditions or world.condition in conditions
+    ]
     every = [*scale_of(benchmark), *contestants(benchmark, names)]
     jobs = [
         job
@@ -99,7 +105,8 @@ if __name__ == "__main__":
     given = options.get("contestants", "")
     # Two networks of one tracker have a comma between them.
     chosen = given.split(";" if ";" in given else ",") if given else []
+    some = options["conditions"].split(",") if "conditions" in options else []
     worlds = int(options.get("worlds", "6"))
     if not Path(path).is_dir():
-        run(draft, Path(path), worlds, chosen, int(options.get("workers", "1")))
+        run(draft, Path(path), worlds, chosen, some, int(options.get("workers", "1")))
     sys.stdout.write(table(Path(path)) + "\n")
