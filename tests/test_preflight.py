@@ -13,12 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from servo.cli.main import app
 from servo.scenario.load import load
-from servo.twin.compare import Trust, compare
+from servo.twin.compare import compare
 from servo.twin.corrections import Kind, Smooth
 from servo.twin.corrections import motion as motion_of
 from servo.twin.robot_motion import REACH, of_twists, smoothed
 from servo.twin.tracks import Tracks
-from servo.twin.verdict import cubes
+from servo.twin.verdict import Trust, cubes
 from servo.twin.wiggle import rates
 from tracking.drawing.video_writer import VideoWriter
 

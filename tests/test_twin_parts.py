@@ -40,10 +40,9 @@ from servo.twin.robot_motion import RobotMotion, of_twists
 from servo.twin.scene_camera import SceneCamera
 from servo.twin.tracks import Tracks, corners, follow
 from servo.twin.verdict import (
-    MANY_STRAY,
-    STRAY_BESIDE,
     Finding,
     State,
+    Trust,
     Verdict,
     believed_mount,
     judge,
@@ -362,14 +361,14 @@ def verdict(
     axes=STRONG,
     believed=None,
     focal=True,
-    along=False,
+    along=None,
     stamped=True,
-    most_stray=MANY_STRAY,
+    stands=False,
 ):
+    trust = Trust(focal, along, believed, stamped=stamped, stands=stands)
     return judge(
-        offset, diagnosis or diagnosed(), at or mount(), at or mount(), tracks, axes, believed,
-        trusts_focal=focal, trusts_along=along, stamped=stamped, most_stray=most_stray,
-    )  # fmt: skip
+        offset, diagnosis or diagnosed(), at or mount(), at or mount(), tracks, axes, trust
+    )
 
 
 def rows(found):
@@ -401,11 +400,8 @@ def test_a_good_recording_gives_numbers_with_their_intervals():
 
 def test_the_offset_is_of_the_stamp_where_exposure_and_readout_are_known():
     said = rows(
-        judge(
-            OFFSET, diagnosed(), mount(), mount(), TRACKS, STRONG, None, trusts_focal=True,
-            trusts_along=False, late=0.01,
-        )
-    )  # fmt: skip
+        judge(OFFSET, diagnosed(), mount(), mount(), TRACKS, STRONG, Trust(focal=True, late=0.01))
+    )
     assert said["clock offset"].endswith("on the log's clock (end of its exposure, last row)")
 
 
@@ -443,7 +439,7 @@ HALVES = mount().halves
         ({"diagnosis": diagnosed(SIGN, others=[Trial((SIGN,), 0.1, mount(rotation=np.diag([1.0, -1, -1])), 1.0)])}, "mount: rotation", "it differs between the mistakes that explain the recording"),
         ({"diagnosis": diagnosed(SIGN, others=[Trial((SIGN, SIGN), 0.1, mount(), 1.0)] * 4)}, "mistake", "cannot tell (the sign is wrong)" + " from (the sign is wrong and the sign is wrong)" * 3 + " and 1 more"),
         ({"at": mount(drift=2.1e-4)}, "clock drift", "0.21 ms each second, +- 0.00"),
-        ({"at": mount(focal=1.051), "focal": False, "along": True}, "focal length", "1.051 times the given one, +- 0.000"),
+        ({"at": mount(focal=1.051), "focal": False, "along": 0.1}, "focal length", "1.051 times the given one, +- 0.000"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_or_cannot_be_known_is_a_row(changes, row, sentence):
@@ -483,8 +479,8 @@ def test_another_recording_is_asked_for_only_where_it_helps(changes, row, change
         {"at": mount(scatter=3.0, drift=2e-4)},
         {"at": mount(halves=HALVES * [1, 3.49, 1, 1, 15, 1, 1, 1, 1, 1, 1, 1])},
         {"at": mount(drift=-3e-4, halves=HALVES + [0, 0, 0, 0, 0, 0, 0, 0, 3.1e-4, 0, 0, 0])},
-        {"at": mount(focal=1.049), "focal": False, "along": True},
-        {"at": mount(focal=0.9, halves=HALVES + [0, 0, 0, 0, 0, 0, 0, 0.11, 0, 0, 0, 0]), "focal": False, "along": True},
+        {"at": mount(focal=1.049), "focal": False, "along": 0.1},
+        {"at": mount(focal=0.9, halves=HALVES + [0, 0, 0, 0, 0, 0, 0, 0.11, 0, 0, 0, 0]), "focal": False, "along": 0.1},
     ],
 )  # fmt: skip
 def test_what_is_just_inside_a_limit_is_good(changes):
@@ -551,8 +547,8 @@ def test_a_scene_of_which_a_part_moves_by_itself_shows_no_mount():
     )
     assert (found.mount, found.offset is None, found.has_lever) == (None, False, False)
     assert verdict(at=mount(stray=0.1)).is_good
-    assert verdict(at=mount(stray=0.3), most_stray=STRAY_BESIDE).is_good
-    assert not verdict(at=mount(stray=0.31), most_stray=STRAY_BESIDE).is_good
+    assert verdict(at=mount(stray=0.3), stands=True).is_good
+    assert not verdict(at=mount(stray=0.31), stands=True).is_good
 
 
 @pytest.mark.parametrize(
@@ -622,17 +618,7 @@ def judged_beside(degrees, half, stray=0.0):
     """The verdict where a fit with slides that are turned against turns finds so many degrees."""
     turn = Rotation.from_euler("y", degrees, degrees=True).as_matrix()
     turned = mount(turn=turn, halves=np.radians(np.full(12, half)), stray=stray)
-    return judge(
-        OFFSET,
-        diagnosed(),
-        mount(stray=stray),
-        turned,
-        TRACKS,
-        STRONG,
-        None,
-        trusts_focal=True,
-        trusts_along=False,
-    )
+    return judge(OFFSET, diagnosed(), mount(stray=stray), turned, TRACKS, STRONG, Trust(focal=True))
 
 
 def test_a_stated_mount_decides_between_equal_explanations():

@@ -42,7 +42,7 @@ from servo.output.versions import versions
 from servo.study.run import Record, grouped_by
 from servo.study.scenario_run import TRACK_MS
 from sim.types import Array
-from tracking.files.json_text import as_json, json_line
+from tracking.files.json_text import json_line
 
 TAUS = np.linspace(0.0, FARTHEST, 41)
 """The distances of a row's curve [target sizes]."""
@@ -110,7 +110,8 @@ class Row(Made):
     track_ms: float
     """Measured time of the tracker for a picture, median [ms]: of this machine, never ranked."""
     worlds: Annotated[dict[str, WorldScore], BeforeValidator(by_world)]
-    """Result in each world, by its name; in the file as a table's columns."""
+    """Result in each world, by its name, with a score from 0 to 1; in the file as a table's
+    columns."""
     slow: dict[Milliseconds, Share] = field(default_factory=dict[str, Share])
     """Share of worlds held, by the time that the tracker takes for a picture [ms]."""
     curve: Annotated[list[Share], Len(len(TAUS), len(TAUS))]
@@ -124,8 +125,8 @@ class Row(Made):
         columns = {"world": list(self.worlds)}
         for each in fields(WorldScore):
             columns[each.name] = [getattr(score, each.name) for score in self.worlds.values()]
-        document = {"format": self.FORMAT, "kind": self.KIND} | as_json(self) | {"worlds": columns}
-        lines = (f'"{key}":{json_line(value)}' for key, value in document.items())
+        contents = self.contents() | {"worlds": columns}
+        lines = (f'"{key}":{json_line(value)}' for key, value in contents.items())
         return "{\n" + ",\n".join(lines) + "\n}\n"
 
     @property

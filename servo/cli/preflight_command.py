@@ -25,7 +25,7 @@ from servo.scenario.calibration import camera_in
 from servo.scenario.load import load
 from servo.twin import section as sections
 from servo.twin.commands import has_commands, of_commands
-from servo.twin.compare import Comparison, Trust, compare, rough_begin
+from servo.twin.compare import Comparison, compare, rough_begin
 from servo.twin.corrections import Kind, Smooth, corrections
 from servo.twin.mount import Mount
 from servo.twin.readings import (
@@ -39,7 +39,7 @@ from servo.twin.readings import (
 )
 from servo.twin.still_tag import FEWEST, StillTag, TagSightings
 from servo.twin.tracks import Tracks, follow
-from servo.twin.verdict import Finding, State, believed_mount
+from servo.twin.verdict import Finding, State, Trust, believed_mount
 from servo.twin.wiggle import rates
 from servo.types import DOF
 from sim.types import Camera
@@ -241,6 +241,7 @@ def comparison(given: Given, table: pa.Table) -> tuple[Comparison, Camera, float
         given.late,
         _tag(given, sightings, camera),
         stamped,
+        given.eye_to_hand,
     )
     with progress(console, "comparing", 1 + len(corrections(smooth))) as tick:
         compared = compare(smooth, tracks, trust, tick)

@@ -93,7 +93,8 @@ def run(
     given = Given.of(log, video, **options)
     console = Console()
     scenario = base or given.scenario or DEFAULT
-    stands = load(scenario).camera.mounted == "world"
+    begun_with = load(scenario)
+    stands = begun_with.camera.mounted == "world"
     if stands != given.eye_to_hand:
         raise Mistake(
             f'{scenario}: --eye-to-hand and --on a scenario with camera.mounted = "world" belong '
@@ -104,12 +105,15 @@ def run(
     compared, camera, begins = comparison(given, table)
     show(compared)
     changes, notes = _changes(given, table, compared, camera, scenario)
+    left_out = _left_out(begun_with.table, scenario)
+    if left_out:
+        notes = {"0": left_out} | notes
     folder = prepare(out, f"twin-{log.stem}")
     text = toml(scenario, changes, notes)
     with writing(folder):
         written = atomic.write(folder, SCENARIO, text)
     plain(console, f"{written}: servobench run {written}")
-    if left_out := _left_out(load(scenario).table, scenario):
+    if left_out:
         plain(console, left_out)
     plain(console, *(note for note in notes.values() if note.startswith(UNTRUSTED)))
     blocks = [Block("The scenario", code=[text])]
@@ -255,8 +259,6 @@ def toml(scenario: str, changes: dict[str, object], notes: dict[str, str]) -> st
     table = {key: value for key, value in whole.items() if key not in DROPPED}
     part = ""
     lines = [f"# the robot of a recording, on the scenario {scenario}"]
-    if left_out := _left_out(whole, scenario):
-        lines.append(f"# {left_out}")
     lines += [f"# {note}" for key, note in notes.items() if "." not in key]
     for line in tomli_w.dumps(table).splitlines():
         part = line.strip("[]") if line.startswith("[") else part

@@ -65,10 +65,14 @@ class Document:
         return atomic.write(folder, name or self.FILE, self.text())
 
     def text(self) -> str:
-        """Return these contents as JSON; the first two keys are "format" (the constant FORMAT) and
-        "kind" (the constant KIND).
+        """Return these contents as JSON."""
+        return json_text(self.contents())
+
+    def contents(self) -> dict[str, object]:
+        """Return these contents by their keys, as JSON has them; the first two keys are "format"
+        (the constant FORMAT) and "kind" (the constant KIND).
         """
-        return json_text({"format": self.FORMAT, "kind": self.KIND} | as_json(self))
+        return {"format": self.FORMAT, "kind": self.KIND} | as_json(self)
 
     @classmethod
     def read(cls, path: Path) -> Self:

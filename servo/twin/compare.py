@@ -14,14 +14,12 @@ from servo.twin.diagnosis import Diagnosis, corrected, diagnose
 from servo.twin.mount import Mount
 from servo.twin.offset import Offset
 from servo.twin.robot_motion import RobotMotion
-from servo.twin.still_tag import StillTag
 from servo.twin.tracks import Tracks
 from servo.twin.verdict import (
-    MANY_STRAY,
     SHALLOW,
     SLIDES,
-    STRAY_BESIDE,
     TURNS,
+    Trust,
     Verdict,
     judge,
     preferred,
@@ -37,25 +35,6 @@ LAST = 0.5, 0.3, 0.3
 """Cauchy scale of each step of the fit with a turn [px]."""
 THIRDS = 3
 """Parts of a film whose offsets show a drift."""
-
-
-@dataclass(frozen=True, slots=True)
-class Trust:
-    """What is known of the camera before a comparison of a robot's log with its film: whether its
-    focal length is calibrated, the distance from the hand's origin to the camera along the optical
-    axis (`along` [m], None: unknown), the pose of the camera in the hand that the user states
-    (`believed`, None: none), and how long before its stamp the middle of a picture was exposed
-    (`late` [s], 0: unknown), which the film's times have. `stamped` says whether these are stamps,
-    as the robot's program uses them; if not, the film was only placed where it fits the log.
-    """
-
-    focal: bool = False
-    along: float | None = None
-    believed: Mount | None = None
-    late: float = 0.0
-    tag: StillTag | None = None
-    """A tag that stands still in the film."""
-    stamped: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,13 +90,11 @@ def compare(
     mount = mounts.fitted(moved, film, first, (fixed, *mounts.TURN))
     turned = mounts.fitted(moved, film, mount, (fixed,), LAST)
     tag = None
-    shows_focal = trust.along is not None and not trust.focal
     # A mirrored film shows no tag; a mount that is far off gives no begin.
     if trust.tag is not None and diagnosis.is_good:
         tag = trust.tag.fitted(moved, film, mount)
         if tag.is_still:
             mount = tag.mount
-            shows_focal = True
     verdict = judge(
         offset,
         diagnosis,
@@ -125,13 +102,8 @@ def compare(
         turned,
         film,
         axes,
-        trust.believed,
-        trusts_focal=trust.focal,
-        trusts_along=shows_focal,
-        late=trust.late,
-        tag=tag,
-        stamped=trust.stamped,
-        most_stray=STRAY_BESIDE if smooth.is_inverse else MANY_STRAY,
+        trust,
+        tag,
     )
     return Comparison(film, moved, flows, offset, diagnosis, mount, verdict)
 

@@ -242,10 +242,10 @@ def corners(grey: Image) -> NDArray[np.float32]:
     y, x = np.nonzero(peaks[: height * rows, : width * columns] > WEAK)
     cell = y // height * columns + x // width
     order = np.lexsort((-peaks[y, x], cell))  # cell by cell, the best corner first
-    y, x, cell = y[order], x[order], cell[order]
+    found = np.stack([x, y], axis=1)[order]
+    cell = cell[order]
     rank = np.arange(len(cell)) - np.searchsorted(cell, cell)
-    kept = rank < EACH
-    return np.stack([x[kept], y[kept]], axis=1).astype(np.float32)
+    return found[rank < EACH].astype(np.float32)
 
 
 def _followed(

@@ -15,7 +15,7 @@ from servo.twin.diagnosis import Diagnosis
 from servo.twin.mount import Mount
 from servo.twin.offset import Offset
 from servo.twin.robot_motion import RobotMotion
-from servo.twin.still_tag import TagFit
+from servo.twin.still_tag import StillTag, TagFit
 from servo.twin.tracks import Tracks
 from sim.geometry import angle_of
 from sim.types import Array
@@ -69,6 +69,33 @@ PARTS = np.s_[:3], np.s_[3:]
 MM = 1e3
 
 
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """What is known of the camera before a comparison of a robot's log with its film."""
+
+    focal: bool = False
+    """Whether the focal length is calibrated."""
+    along: float | None = None
+    """Distance from the hand's origin to the camera along the optical axis [m]; None: unknown."""
+    believed: Mount | None = None
+    """The mount (pose of the camera in the hand) that the user states; None: none."""
+    late: float = 0.0
+    """How long before its stamp the middle of a picture was exposed [s], which the film's times
+    have; 0: unknown."""
+    tag: StillTag | None = None
+    """A tag that stands still in the film."""
+    stamped: bool = True
+    """Whether the film's times are stamps, as the robot's program uses them; False: the film was
+    only placed where it fits the log."""
+    stands: bool = False
+    """Whether the camera stands in the room, and sees the hand (eye-to-hand)."""
+
+    @property
+    def most_stray(self) -> float:
+        """Share of points off the fit, from 0 to 1, above which no mount is stated."""
+        return STRAY_BESIDE if self.stands else MANY_STRAY
+
+
 class State(Enum):
     """Result of one row of a pre-flight's table; the value is its sentence in the legend."""
 
@@ -95,7 +122,9 @@ class Finding:
 
     @property
     def is_good(self) -> bool:
-        """False if the robot must not move by its camera before the change."""
+        """False if the robot must not move by its camera before the change; a row that is only to
+        be adjusted is good.
+        """
         return self.state not in (State.WRONG, State.REFUSED)
 
 
@@ -166,14 +195,8 @@ def judge(
     turned: Mount,
     tracks: Tracks,
     axes: tuple[float, float],
-    believed: Mount | None,
-    *,
-    trusts_focal: bool,
-    trusts_along: bool,
-    late: float = 0.0,
+    trust: Trust,
     tag: TagFit | None = None,
-    stamped: bool = True,
-    most_stray: float = MANY_STRAY,
 ) -> Verdict:
     """Return the verdict of a pre-flight: what is right, wrong, or too uncertain to be stated.
 
@@ -185,15 +208,10 @@ def judge(
         tracks: Points that were followed through the film.
         axes: The hand's sliding [m/s] and turning [rad/s] along its second axis, from
             `second_axes`.
-        believed: The mount that the user states, if any.
-        trusts_focal: Whether the focal length is calibrated.
-        trusts_along: Whether the distance from the hand's origin to the camera along the optical
-            axis is known.
-        late: How long before its stamp the middle of a picture was exposed [s]; 0: unknown.
+        trust: What is known of the camera.
         tag: What a tag in the film shows, if there is one: the mount is then of it.
-        stamped: Whether the film's times are stamps, as the robot's program uses them.
-        most_stray: Share of points off the fit above which no mount is stated.
     """
+    believed = trust.believed
     findings: list[Finding] = []
     no_offset = _no_offset(offset)
     if no_offset:
@@ -203,20 +221,20 @@ def judge(
         findings += _of_diagnosis(diagnosis)
     is_turned = any(each.turn is not None for each in diagnosis.best.corrections)
     # What moves by itself in the scene looks like such a turn.
-    is_shown = not is_turned and not no_offset and turned.stray <= most_stray
+    is_shown = not is_turned and not no_offset and turned.stray <= trust.most_stray
     mixed = _mixed(turned) if is_shown else ""
     if mixed:
         mistakes.append(mixed)
         findings.append(Finding("mistake", mixed, MIXED, State.WRONG))
     why = "the clock offset is not known" if no_offset else mixed
-    no_mount = _no_mount(
-        why, diagnosis, mount, axes, stated=believed is not None, most_stray=most_stray
-    )
-    known = trusts_focal or trusts_along
+    no_mount = _no_mount(why, diagnosis, mount, axes, trust)
+    shows_tag = tag is not None and tag.is_still
+    shows_focal = shows_tag or (trust.along is not None and not trust.focal)
+    known = trust.focal or shows_focal
     no_lever = _no_lever(no_mount, mount, axes, known=known)
     if not no_offset:
         fit = None if no_mount else mount
-        findings += _of_clocks(offset, fit, float(tracks.times[0]), late, stamped=stamped)
+        findings += _of_clocks(offset, fit, float(tracks.times[0]), trust)
     if no_mount:
         findings.append(no_mount)
     else:
@@ -225,11 +243,11 @@ def judge(
             findings += _against_believed(mount, believed, mistakes, has_lever=not no_lever)
     findings.append(no_lever or _lever(mount, believed))
     if not no_mount:
-        findings += _of_scale(mount, tag, trusts_along=trusts_along, known=known)
+        findings += _of_scale(mount, tag, shows_focal=shows_focal, known=known)
     return Verdict(
         findings,
         _of_film(tracks),
-        offset if stamped and not no_offset else None,
+        offset if trust.stamped and not no_offset else None,
         None if no_mount else mount,
         not no_mount,
         not no_lever,
@@ -288,9 +306,7 @@ def _no_mount(
     diagnosis: Diagnosis,
     mount: Mount,
     axes: tuple[float, float],
-    *,
-    stated: bool,
-    most_stray: float,
+    trust: Trust,
 ) -> Finding | None:
     """Return the row about a mount whose rotation is refused; None if it is not.
 
@@ -299,9 +315,9 @@ def _no_mount(
         diagnosis: The explanations of the recording.
         mount: The fit.
         axes: The hand's sliding [m/s] and turning [rad/s] along its second axis.
-        stated: Whether the user states a mount.
-        most_stray: Largest share of points off the fit.
+        trust: What is known of the camera.
     """
+    stated = trust.believed is not None
     apart = [
         angle_of(diagnosis.best.mount.rotation.T @ other.mount.rotation)
         for other in diagnosis.others
@@ -349,9 +365,9 @@ def _no_mount(
             True,
         ),
         (
-            mount.stray > most_stray,
-            f"{100 * mount.stray:.3g} % of the points (at most {100 * most_stray:g}) do not move "
-            "with the scene: a part of it moves by itself, or is very near",
+            mount.stray > trust.most_stray,
+            f"{100 * mount.stray:.3g} % of the points (at most {100 * trust.most_stray:g}) do not "
+            "move with the scene: a part of it moves by itself, or is very near",
             STILL_SCENE,
             True,
         ),
@@ -514,27 +530,24 @@ def _of_diagnosis(diagnosis: Diagnosis) -> list[Finding]:
     return [Finding("mistake", each.mistake, each.remedy, State.WRONG) for each in best.corrections]
 
 
-def _of_clocks(
-    offset: Offset, mount: Mount | None, first: float, late: float, *, stamped: bool
-) -> list[Finding]:
+def _of_clocks(offset: Offset, mount: Mount | None, first: float, trust: Trust) -> list[Finding]:
     """Return the rows about the clocks of log and film.
 
     Args:
         offset: Offset of the film's clock, from its optical flow.
         mount: Fit of mount and clocks, which is more exact; None: it is not to be trusted.
         first: Time of the film's first picture on the log's clock, without the offset [s].
-        late: How long before its stamp the middle of a picture was exposed [s]; 0: unknown.
-        stamped: Whether the film's times are stamps on the log's clock.
+        trust: What is known of the camera.
     """
     value, half = (offset.value, offset.half) if mount is None else (mount.offset, mount.halves[0])
-    if not stamped:
+    if not trust.stamped:
         text = (
             "the film has no stamps on the log's clock; its first picture fits best at "
             f"{first + value:.3f} s of the log"
         )
         change = "give the stamps with which the robot's program pairs the pictures: --stamps"
         return [Finding("clock offset", text, change, State.UNKNOWN)]
-    when = "end of its exposure, last row" if late else "middle of its exposure, middle row"
+    when = "end of its exposure, last row" if trust.late else "middle of its exposure, middle row"
     text = (
         f"{ms_text(value)} ms, +- {MM * half:.2f}: a picture with the stamp t was taken at "
         f"t + offset on the log's clock ({when})"
@@ -550,12 +563,10 @@ def _of_clocks(
     return [*rows, Finding("clock drift", text, change, State.WRONG)]
 
 
-def _of_scale(
-    mount: Mount, tag: TagFit | None, *, trusts_along: bool, known: bool
-) -> list[Finding]:
+def _of_scale(mount: Mount, tag: TagFit | None, *, shows_focal: bool, known: bool) -> list[Finding]:
     """Return the rows about a tag, the focal length and the distance of the scene."""
     rows = [] if tag is None else [_of_tag(tag)]
-    if trusts_along:
+    if shows_focal:
         half = mount.halves[mounts.FOCAL]
         off = abs(mount.focal - 1) > max(FOCAL_OFF, float(half))
         rows.append(

@@ -25,11 +25,11 @@ from hidden_robot import STARTS, Film, Robot
 
 from servo.loop.episode import Episode
 from servo.scenario.load import load
-from servo.twin.compare import Trust, compare
+from servo.twin.compare import compare
 from servo.twin.corrections import Kind, Smooth
 from servo.twin.readings import kinematics
 from servo.twin.robot_motion import continuous, smoothed
-from servo.twin.verdict import believed_mount
+from servo.twin.verdict import Trust, believed_mount
 from servo.twin.wiggle import swings
 from tracking.sequences.sources import Picture
 

@@ -7,6 +7,7 @@ corners of triangles.
 
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -112,7 +113,11 @@ class ExactRenderer:
         function that waits for the picture, RGB, uint8 (H, W, 3), and returns it.
         """
         hidden = self._backdrop.is_hidden(data, self._camera)
-        return self._draw(data, self._before_table if hidden else self._is_shown).result
+        drawn = self._before_table if hidden else self._is_shown
+        if not len(self._things.halves):
+            return self._draw(data, drawn).result
+        eye = camera_pose(data, self._camera)
+        return self._draw(data, drawn, partial(self._shaded, self._things.places(data), eye)).result
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
         """Return a mask (H, W), true where the picture of the scene in `data` shows a geom that
@@ -161,8 +166,6 @@ class ExactRenderer:
             to_camera @ rotations,
             middles,
             _lights(self._model, data, to_camera, eye.translation),
-            self._things.places(data),
-            eye,
         )
 
     def _fill(
@@ -172,8 +175,6 @@ class ExactRenderer:
         rotations: Array,
         middles: Array,
         lights: Array,
-        things: tuple[Array, Array],
-        eye: Pose,
     ) -> T:
         image = np.zeros((*self._shown.shape, 3), np.uint8)
         self._nearness.fill(0.0)
@@ -201,18 +202,21 @@ class ExactRenderer:
             self._nearness,
             self._shown,
         )
-        if len(self._things.halves):
-            shadows.shade(
-                image,
-                self._shown,
-                self._table,
-                self._things.halves,
-                *things,
-                eye.rotation,
-                eye.translation,
-                self._view,
-            )
         return read(image)
+
+    def _shaded(self, places: tuple[Array, Array], eye: Pose, image: Image) -> Image:
+        """Draw the shadows of things at some places into a picture, and return it."""
+        shadows.shade(
+            image,
+            self._shown,
+            self._table,
+            self._things.halves,
+            *places,
+            eye.rotation,
+            eye.translation,
+            self._view,
+        )
+        return image
 
 
 def _check(model: mujoco.MjModel) -> None:
