@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from servo import Mistake
 from servo.cli.main import app
 from servo.cli.preflight_command import Given, camera_for, followed, made, stated_mount
-from servo.cli.twin_command import toml
+from servo.cli.twin_command import left_out, toml
 from servo.loop.episode import Episode
 from servo.scenario.load import load
 from servo.twin import offset
@@ -416,7 +416,9 @@ def test_a_film_that_is_short_or_plain_is_refused(tmp_path, count, level, senten
 
 def test_a_twins_scenario_has_its_changes_and_their_comments():
     changes = {"camera.rate": 25, "robot.lag_ms": 40.0}
-    text = toml("line", changes, {"robot.lag_ms": "+- 3 ms", "3": "mistakes: none"})
+    dropped = left_out(load("line").table, "line")
+    notes = {"0": dropped, "robot.lag_ms": "+- 3 ms", "3": "mistakes: none"}
+    text = toml("line", changes, notes)
     lines = text.splitlines()
     assert lines[:3] == [
         "# the robot of a recording, on the scenario line",

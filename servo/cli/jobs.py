@@ -162,6 +162,7 @@ def complete_jobs(
                 rate = MINUTE * count / (time.monotonic() - began)
                 ended(f"{rate:.1f} a minute, {failed} failed")
     except KeyboardInterrupt as cause:
+        store.find(jobs)  # the signal may have come just after a run was stored
         stop(cause, f"{len(store.done)} of {len(jobs)} runs are finished; {again}")
     except ClusterLost as lost:
         sentence = f"{lost}; only {len(store.done)} of {len(jobs)} runs are finished; {again}"

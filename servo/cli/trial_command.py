@@ -57,6 +57,7 @@ def trials(
             with progress(console, described.holds, total, finished) as ended:
                 yield Trials(base, store, workers, ended)
         except KeyboardInterrupt as cause:
+            store.find()  # the signal may have come just after a run was stored
             stop(cause, f"{len(store.done)} runs are finished; {again}")
         except ClusterLost as lost:
             sentence = f"{lost}; {len(store.done)} runs are finished; {again}"

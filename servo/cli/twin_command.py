@@ -105,16 +105,16 @@ def run(
     compared, camera, begins = comparison(given, table)
     show(compared)
     changes, notes = _changes(given, table, compared, camera, scenario)
-    left_out = _left_out(begun_with.table, scenario)
-    if left_out:
-        notes = {"0": left_out} | notes
+    dropped = left_out(begun_with.table, scenario)
+    if dropped:
+        notes = {"0": dropped} | notes
     folder = prepare(out, f"twin-{log.stem}")
     text = toml(scenario, changes, notes)
     with writing(folder):
         written = atomic.write(folder, SCENARIO, text)
     plain(console, f"{written}: servobench run {written}")
-    if left_out:
-        plain(console, left_out)
+    if dropped:
+        plain(console, dropped)
     plain(console, *(note for note in notes.values() if note.startswith(UNTRUSTED)))
     blocks = [Block("The scenario", code=[text])]
     if region is not None:
@@ -268,7 +268,7 @@ def toml(scenario: str, changes: dict[str, object], notes: dict[str, str]) -> st
     return "\n".join(lines) + "\n"
 
 
-def _left_out(table: Mapping[str, object], scenario: str) -> str:
+def left_out(table: Mapping[str, object], scenario: str) -> str:
     """Return a sentence about the tables of a scenario that the twin does not take; "": none."""
     dropped = ", ".join(f"[{key}]" for key in DROPPED if key in table)
     if not dropped:
