@@ -39,6 +39,17 @@ def test_a_target_that_does_not_fill_its_region_is_nothing_for_one_histogram(kin
     assert 3 < float(line.removeprefix(begin).split()[0]) < 15
 
 
+@pytest.mark.parametrize(
+    ("better", "instead"),
+    [("kams", "; kams: 5.1 px"), ("cv_mean_shift", ""), ("camshift", "")],
+)
+def test_another_tracker_is_named_where_it_is_less_than_half_as_far_off(
+    monkeypatch, better, instead
+):
+    monkeypatch.setattr("tracking.advice.BETTER", better)
+    assert said("camshift", mug()).endswith(f"it settles 12.8 px beside it{instead}")
+
+
 @pytest.mark.parametrize("kind", LAYOUT)
 def test_where_a_tracker_does_well_nothing_is_said(kind):
     assert said(kind, mug()) == ""

@@ -131,6 +131,17 @@ def test_a_believed_size_counts_for_a_law_on_pixels_only_where_it_is_taken():
 
 @pytest.mark.parametrize(
     ("changes", "is_idle"),
+    [([], True), (["tracker.kind=homography"], False)],
+)
+def test_the_border_of_weighted_corners_counts_where_the_tracker_reports_corners(changes, is_idle):
+    scenario = load("plate_line", ["features.kind=weighted", "features.border=0.2", *changes])
+    with Episode(scenario, seen=False) as episode:
+        found = " ".join(idle_settings(episode))
+    assert ("features.border" in found) == is_idle
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_idle"),
     [([], True), (['sight.plane="known"'], False), (['sight.depth="known"'], False)],
 )
 def test_the_height_of_the_table_counts_where_something_is_known_from_it(changes, is_idle):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracking.drawing.colours import ESTIMATE, TRUTH
-from tracking.drawing.contact_sheet import TILE, sheet
+from tracking.drawing.contact_sheet import TILE, outline, sheet
 from tracking.sequences.painted import KINDS as FOLDER
 from tracking.sequences.painted import similarity
 from tracking.sequences.painted.clutter import LEVELS, RADIUS
@@ -187,3 +187,14 @@ def test_the_target_is_hidden_in_as_many_frames_as_asked_for(hidden):
     )
     pairs = zip(clear, barred, strict=True)
     assert sum((a.image != b.image).any() for a, b in pairs) == hidden
+
+
+def test_an_outline_has_a_black_border():
+    square = np.array([[15.5, 15.5], [45.5, 15.5], [45.5, 45.5], [15.5, 45.5]])
+    light = np.full((60, 60, 3), 200, np.uint8)
+    outline(light, square, (250, 120, 60), width=5)
+    np.testing.assert_array_equal(light[15, 30], (250, 120, 60))
+    assert light[:30, 30].min() < 60  # darker than the line and the ground
+    dark = np.zeros((60, 60, 3), np.uint8)
+    outline(dark, square, (0, 0, 0))
+    assert not dark.any()

@@ -8,7 +8,7 @@ from gear_log import gear_log
 
 from servo.cli.identify_command import estimated
 from servo.identify.doubts import _too_long, doubts
-from servo.identify.fit import identify
+from servo.identify.fit import identify, jitter_of
 from servo.identify.log import read
 from servo.mistake import Mistake
 from tracking.statistics.comparisons import Interval
@@ -368,3 +368,13 @@ def fast(seconds):
     moved = 1e-3 * np.cumsum(np.append(np.zeros(45), asked)[: len(times)])
     noise = rng.normal(0, 1e-4, len(times))
     return times, {"time_s": times, COMMAND: asked, JOINT: moved + noise}
+
+
+def test_the_width_of_a_jitter_is_in_the_interval_of_the_range_of_uniform_draws():
+    """The range of n draws over the width is distributed as Beta(n - 1, 2); of 3 as 3 x^2 - 2 x^3."""
+    found = jitter_of(np.array([0.010, 0.013, 0.014]))
+    assert found.value == pytest.approx(0.004 * 4 / 2)
+    for bound, share in ((found.low, 0.975), (found.high, 0.025)):
+        x = 0.004 / bound
+        assert 3 * x**2 - 2 * x**3 == pytest.approx(share)
+    assert jitter_of(np.array([0.010, 0.013])) is None

@@ -156,7 +156,7 @@ def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
         {c.name: each.play() for c, each, has in pairs if has},
         {name: _beyond(noise, steps.get(name, 0.0)) for name, noise in noises.items()},
         steps,
-        _jitter(log.transport),
+        jitter_of(log.transport),
         float(np.min(log.transport, initial=np.inf)) if len(log.transport) else 0.0,
         model.positions(fitted.values),
         list(servos),
@@ -514,7 +514,7 @@ def _beyond(noise: Interval, step: float) -> Interval:
     return Interval(*np.sqrt(np.maximum(squares, 0.0)).tolist())
 
 
-def _jitter(transport: Array) -> Interval | None:
+def jitter_of(transport: Array) -> Interval | None:
     """Return the width of the range from which waits (n,) [s] are drawn uniformly, with its 95 %
     interval: range over width is distributed as Beta(n - 1, 2). None if it is unknown.
     """

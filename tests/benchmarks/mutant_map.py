@@ -81,10 +81,13 @@ class Map:
 
     def tests(self, site):
         """The tests that can notice a change, the likeliest and quickest first, in the budget."""
-        if site.inside and not site.file.startswith(COMPILED):
-            first, last = site.lines
-            lines = self.lines.get(site.file, {})
-            tiers = [{t for n in range(first, last + 1) for t in lines.get(n, [])}]
+        first, last = site.lines
+        lines = self.lines.get(site.file, {})
+        inside = {test for n in range(first, last + 1) for test in lines.get(n, [])}
+        # A function that only an import calls runs in no test, such as the text of a claim's rule.
+        at_import = not inside and any(n in lines for n in range(first, last + 1))
+        if site.inside and not at_import and not site.file.startswith(COMPILED):
+            tiers = [inside]
         else:
             tiers = [self.direct(site.file), self.of_file(site.file), self.users(site.file)]
         chosen, spent = {}, 0.0

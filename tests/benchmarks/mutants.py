@@ -52,6 +52,13 @@ MUTANTS_THAT_CHANGE_NOTHING: dict[tuple[str, str, int, str, str], str] = {
         "<",
     ): "100 has three digits",
     (
+        "tracking/sequences/painted/camouflage.py",
+        "cv2.ellipse(place, centre, half, turn, 0, 360, (1,), -1)",
+        60,
+        "1",
+        "2",
+    ): "what is above 0 is gravel",
+    (
         "servo/papers/kams_paper.py",
         'drawn |= {f"layer {m}, over without": i for m, i in zip(layers, over_still, strict=True)}',
         87,
