@@ -41,6 +41,7 @@ from servo.twin.scene_camera import SceneCamera
 from servo.twin.tracks import Tracks, corners, follow
 from servo.twin.verdict import (
     Finding,
+    Fits,
     State,
     Trust,
     Verdict,
@@ -364,11 +365,12 @@ def verdict(
     along=None,
     stamped=True,
     stands=False,
+    late=0.0,
 ):
-    trust = Trust(focal, along, believed, stamped=stamped, stands=stands)
-    return judge(
-        offset, diagnosis or diagnosed(), at or mount(), at or mount(), tracks, axes, trust
+    fits = Fits(
+        offset, diagnosis or diagnosed(), at or mount(), at or mount(), tracks, axes, stands
     )
+    return judge(fits, Trust(focal, along, believed, late, stamped=stamped))
 
 
 def rows(found):
@@ -399,9 +401,7 @@ def test_a_good_recording_gives_numbers_with_their_intervals():
 
 
 def test_the_offset_is_of_the_stamp_where_exposure_and_readout_are_known():
-    said = rows(
-        judge(OFFSET, diagnosed(), mount(), mount(), TRACKS, STRONG, Trust(focal=True, late=0.01))
-    )
+    said = rows(verdict(late=0.01))
     assert said["clock offset"].endswith("on the log's clock (end of its exposure, last row)")
 
 
@@ -618,7 +618,8 @@ def judged_beside(degrees, half, stray=0.0):
     """The verdict where a fit with slides that are turned against turns finds so many degrees."""
     turn = Rotation.from_euler("y", degrees, degrees=True).as_matrix()
     turned = mount(turn=turn, halves=np.radians(np.full(12, half)), stray=stray)
-    return judge(OFFSET, diagnosed(), mount(stray=stray), turned, TRACKS, STRONG, Trust(focal=True))
+    fits = Fits(OFFSET, diagnosed(), mount(stray=stray), turned, TRACKS, STRONG)
+    return judge(fits, Trust(focal=True))
 
 
 def test_a_stated_mount_decides_between_equal_explanations():

@@ -241,7 +241,6 @@ def comparison(given: Given, table: pa.Table) -> tuple[Comparison, Camera, float
         given.late,
         _tag(given, sightings, camera),
         stamped,
-        given.eye_to_hand,
     )
     with progress(console, "comparing", 1 + len(corrections(smooth))) as tick:
         compared = compare(smooth, tracks, trust, tick)

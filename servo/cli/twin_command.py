@@ -105,16 +105,16 @@ def run(
     compared, camera, begins = comparison(given, table)
     show(compared)
     changes, notes = _changes(given, table, compared, camera, scenario)
-    dropped = left_out(begun_with.table, scenario)
-    if dropped:
-        notes = {"0": dropped} | notes
+    note = left_out(begun_with.table, scenario)
+    if note:
+        notes = {"0": note} | notes
     folder = prepare(out, f"twin-{log.stem}")
     text = toml(scenario, changes, notes)
     with writing(folder):
         written = atomic.write(folder, SCENARIO, text)
     plain(console, f"{written}: servobench run {written}")
-    if dropped:
-        plain(console, dropped)
+    if note:
+        plain(console, note)
     plain(console, *(note for note in notes.values() if note.startswith(UNTRUSTED)))
     blocks = [Block("The scenario", code=[text])]
     if region is not None:

@@ -283,15 +283,15 @@ class _Fitted:
 
     model: _Model
     values: Array
-    """Delay, lag, and the play of each channel."""
+    """Delay [s], lag [s], and the play of each channel [its command's unit times s]."""
     squares: Array
     """Squares and products of the half widths of their intervals."""
 
     def interval(
         self, *which: int, more: float = 0.0, others: Sequence["_Fitted"] = ()
     ) -> Interval:
-        """Return the estimate and 95 % interval of a parameter, or of the sum of several
-        parameters.
+        """Return the estimate and 95 % interval of a parameter, or of the sum of several: delay and
+        lag in s, a play in the unit of its channel's command times s.
 
         Args:
             which: Indices of the parameters.

@@ -19,6 +19,7 @@ from servo.twin.verdict import (
     SHALLOW,
     SLIDES,
     TURNS,
+    Fits,
     Trust,
     Verdict,
     judge,
@@ -95,16 +96,8 @@ def compare(
         tag = trust.tag.fitted(moved, film, mount)
         if tag.is_still:
             mount = tag.mount
-    verdict = judge(
-        offset,
-        diagnosis,
-        mount,
-        turned,
-        film,
-        axes,
-        trust,
-        tag,
-    )
+    fits = Fits(offset, diagnosis, mount, turned, film, axes, smooth.is_inverse, tag)
+    verdict = judge(fits, trust)
     return Comparison(film, moved, flows, offset, diagnosis, mount, verdict)
 
 

@@ -132,8 +132,8 @@ def follow(
 
 
 class PointFollower:
-    """Follows image points from each picture of a film to the next, and keeps the pairs of pictures
-    in which they were found.
+    """Follows image points from each picture of a film to the next. It keeps where the points were
+    in both pictures of a pair [px, in a copy of the film that is at most 480 px wide].
     """
 
     def __init__(self) -> None:

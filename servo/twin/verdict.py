@@ -87,8 +87,28 @@ class Trust:
     stamped: bool = True
     """Whether the film's times are stamps, as the robot's program uses them; False: the film was
     only placed where it fits the log."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fits:
+    """What was fitted to a robot's log and the film of its camera, before it is judged."""
+
+    offset: Offset
+    """Offset of the film's clock."""
+    diagnosis: Diagnosis
+    """The corrections that explain the recording."""
+    mount: Mount
+    """The mount of the camera, with these corrections."""
+    turned: Mount
+    """The same with a turn between the linear and the angular part of the twists."""
+    tracks: Tracks
+    """Points that were followed through the film."""
+    axes: tuple[float, float]
+    """The hand's sliding [m/s] and turning [rad/s] along its second axis, from `second_axes`."""
     stands: bool = False
     """Whether the camera stands in the room, and sees the hand (eye-to-hand)."""
+    tag: TagFit | None = None
+    """What a tag in the film shows, if there is one: the mount is then of it."""
 
     @property
     def most_stray(self) -> float:
@@ -109,7 +129,8 @@ class State(Enum):
 @dataclass(frozen=True, slots=True)
 class Finding:
     """A row of the table of a pre-flight (a comparison of a robot's log with the film of its
-    camera): what was looked at, what was found, and what to change.
+    camera): what was looked at, what was found, what to change, whether the robot may move as it
+    is, and whether the change needs a new recording.
     """
 
     what: str
@@ -188,29 +209,14 @@ def second_axes(moved: RobotMotion, tracks: Tracks) -> tuple[float, float]:
     return float(slides / np.sqrt(len(times))), float(turns / np.sqrt(len(times)))
 
 
-def judge(
-    offset: Offset,
-    diagnosis: Diagnosis,
-    mount: Mount,
-    turned: Mount,
-    tracks: Tracks,
-    axes: tuple[float, float],
-    trust: Trust,
-    tag: TagFit | None = None,
-) -> Verdict:
+def judge(fits: Fits, trust: Trust) -> Verdict:
     """Return the verdict of a pre-flight: what is right, wrong, or too uncertain to be stated.
 
     Args:
-        offset: Offset of the film's clock.
-        diagnosis: The corrections that explain the recording.
-        mount: The mount of the camera, fitted with these corrections.
-        turned: The same fit with a turn between the linear and the angular part of the twists.
-        tracks: Points that were followed through the film.
-        axes: The hand's sliding [m/s] and turning [rad/s] along its second axis, from
-            `second_axes`.
+        fits: What was fitted to log and film.
         trust: What is known of the camera.
-        tag: What a tag in the film shows, if there is one: the mount is then of it.
     """
+    offset, diagnosis, mount, axes = fits.offset, fits.diagnosis, fits.mount, fits.axes
     believed = trust.believed
     findings: list[Finding] = []
     no_offset = _no_offset(offset)
@@ -221,20 +227,20 @@ def judge(
         findings += _of_diagnosis(diagnosis)
     is_turned = any(each.turn is not None for each in diagnosis.best.corrections)
     # What moves by itself in the scene looks like such a turn.
-    is_shown = not is_turned and not no_offset and turned.stray <= trust.most_stray
-    mixed = _mixed(turned) if is_shown else ""
+    is_shown = not is_turned and not no_offset and fits.turned.stray <= fits.most_stray
+    mixed = _mixed(fits.turned) if is_shown else ""
     if mixed:
         mistakes.append(mixed)
         findings.append(Finding("mistake", mixed, MIXED, State.WRONG))
     why = "the clock offset is not known" if no_offset else mixed
-    no_mount = _no_mount(why, diagnosis, mount, axes, trust)
-    shows_tag = tag is not None and tag.is_still
+    no_mount = _no_mount(why, fits, stated=believed is not None)
+    shows_tag = fits.tag is not None and fits.tag.is_still
     shows_focal = shows_tag or (trust.along is not None and not trust.focal)
     known = trust.focal or shows_focal
     no_lever = _no_lever(no_mount, mount, axes, known=known)
     if not no_offset:
         fit = None if no_mount else mount
-        findings += _of_clocks(offset, fit, float(tracks.times[0]), trust)
+        findings += _of_clocks(offset, fit, float(fits.tracks.times[0]), trust)
     if no_mount:
         findings.append(no_mount)
     else:
@@ -243,10 +249,10 @@ def judge(
             findings += _against_believed(mount, believed, mistakes, has_lever=not no_lever)
     findings.append(no_lever or _lever(mount, believed))
     if not no_mount:
-        findings += _of_scale(mount, tag, shows_focal=shows_focal, known=known)
+        findings += _of_scale(mount, fits.tag, shows_focal=shows_focal, known=known)
     return Verdict(
         findings,
-        _of_film(tracks),
+        _of_film(fits.tracks),
         offset if trust.stamped and not no_offset else None,
         None if no_mount else mount,
         not no_mount,
@@ -301,23 +307,15 @@ def _no_offset(offset: Offset) -> Finding | None:
     return _refusal("clock offset", cases)
 
 
-def _no_mount(
-    why: str,
-    diagnosis: Diagnosis,
-    mount: Mount,
-    axes: tuple[float, float],
-    trust: Trust,
-) -> Finding | None:
+def _no_mount(why: str, fits: Fits, *, stated: bool) -> Finding | None:
     """Return the row about a mount whose rotation is refused; None if it is not.
 
     Args:
         why: Why it is refused whatever the fit is; empty: it is not.
-        diagnosis: The explanations of the recording.
-        mount: The fit.
-        axes: The hand's sliding [m/s] and turning [rad/s] along its second axis.
-        trust: What is known of the camera.
+        fits: What was fitted to log and film.
+        stated: Whether the user states a mount.
     """
-    stated = trust.believed is not None
+    diagnosis, mount, axes = fits.diagnosis, fits.mount, fits.axes
     apart = [
         angle_of(diagnosis.best.mount.rotation.T @ other.mount.rotation)
         for other in diagnosis.others
@@ -365,8 +363,8 @@ def _no_mount(
             True,
         ),
         (
-            mount.stray > trust.most_stray,
-            f"{100 * mount.stray:.3g} % of the points (at most {100 * trust.most_stray:g}) do not "
+            mount.stray > fits.most_stray,
+            f"{100 * mount.stray:.3g} % of the points (at most {100 * fits.most_stray:g}) do not "
             "move with the scene: a part of it moves by itself, or is very near",
             STILL_SCENE,
             True,
