@@ -189,8 +189,9 @@ LEANING = ((0, -0.8, 0.8), (1, 0, 0, 0, 0.7071, 0.7071))
         # Below the table, and a thing so flat that it has 0.2 / 0.3 of the height.
         (BALL.format(0.1, 0, -0.1), (0.1, 0.0), None, 0),
         ('<geom type="box" size=".05 .05 .005" pos="0 0 .005"/>', (0.06, 0), None, 0.4 * (1 - (0.06 / 0.09) ** 2) ** 2),
-        # A long box, turned by 90 deg; two geoms of a body, 0.2 m apart, have one shadow.
+        # A long box, turned by 90 deg and by 45; two geoms of a body, 0.2 m apart, have one shadow.
         ('<geom type="box" size=".1 .04 .05" pos="0 0 .05" euler="0 0 90"/>', (0, 0.12), None, 0.6 * (1 - (0.12 / 0.18) ** 2) ** 2),
+        ('<geom type="box" size=".1 .04 .05" pos="0 0 .05" euler="0 0 45"/>', (0.085, 0.085), None, 0.6 * (1 - 2 * (0.085 / 0.18) ** 2) ** 2),
         ('<body pos="0 0 .05"><geom size=".02" pos="0 .08 0"/><geom size=".02" pos="0 -.08 0"/><geom size=".05" pos="0 0 0"/></body>', (0, 0.12), None, 0.6 * (1 - (0.12 / 0.18) ** 2) ** 2),
     ],
 )  # fmt: skip

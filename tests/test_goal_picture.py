@@ -18,7 +18,7 @@ from servo.sight.plane_motion import PlaneMotion
 from servo.testing._examples import DOWN, OUTLINE, seen_from
 from servo.types import CameraImage, Plane
 from sim.files.picture_name import picture_named
-from sim.geometry import exp_so3
+from sim.geometry import angle_of, exp_so3
 from sim.placement import object_pose
 from sim.types import Camera, Pose
 
@@ -247,6 +247,25 @@ def test_opencvs_pixels_begin_in_the_middle_of_the_first_one():
     np.testing.assert_array_equal(
         matrix_of(CAMERA, size=0.5), [[150, 0, 82], [0, 145, 58.5], [0, 0, 1]]
     )
+
+
+@pytest.mark.parametrize(("turns", "degrees"), [(True, 90.0), (False, 0.0)])
+def test_the_camera_at_its_goal_turns_with_the_target_if_the_features_do(turns, degrees):
+    with Episode(load("spin"), seen=False) as episode:
+        before, after = (
+            episode.world.eye_at_goal(time, episode.goal.sight_at(time).pose, turns=turns)
+            for time in (0.0, 2.0)
+        )
+    turned = np.degrees(angle_of(before.rotation.T @ after.rotation))
+    assert turned == pytest.approx(degrees, abs=0.1)
+
+
+def test_an_example_picture_shows_its_pattern_of_waves():
+    """At four places (x, y) of the plane [m], by the formula."""
+    picture = seen_from(DOWN, Pose(np.eye(3), np.zeros(3)), pixels=True).picture
+    for x, y, grey in ((0, 0, 178), (0.05, 0, 234), (0, 0.05, 169), (-0.1, 0.1, 27)):
+        u, v = picture.camera.to_pixels(np.array([x, y])).astype(int)
+        assert abs(int(picture.image[v, u, 0]) - grey) < 8
 
 
 def test_the_features_of_two_pictures_are_the_cameras_pose_at_the_goal():

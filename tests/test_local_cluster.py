@@ -1,5 +1,6 @@
 """The watch over local workers: those that die before they can work are replaced, within limits."""
 
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import pytest
@@ -29,6 +30,17 @@ def test_whole_workers_are_left_alone():
     cluster = Cluster(Status.running, Status.running)
     local_cluster.replace_dead(cluster, 2)
     assert (sorted(cluster.workers), cluster.scaled) == ([0, 1], [])
+
+
+def test_a_thread_may_start_workers():
+    """Only the main thread may say how Ctrl-C is handled."""
+
+    def start():
+        with local_cluster.local(1) as cluster:
+            return cluster.name
+
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(start).result() == "the local cluster"
 
 
 @pytest.mark.parametrize("status", [Status.closed, Status.failed])

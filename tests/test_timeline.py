@@ -86,6 +86,7 @@ def test_the_law_learns_of_what_is_under_way():
 @pytest.mark.newest
 def test_motion_is_paired_with_the_time_between_the_two_pictures():
     steps = stepped("line", "run.tracker_ms=100", "run.duration=3.0", "run.latency=0")
+    assert {s.seconds.control for s in steps if not s.decided} == {0.0}
     late = decided(steps)[10:]
     for step in late:
         measured, true = step.motion_measured[0], step.target_motion_true[0]

@@ -35,11 +35,11 @@ TRACKS = Tracks(
 )
 
 
-def fitted(stated=SIDE, focal=1.05, moves=0.0):
+def fitted(stated=SIDE, focal=1.05, moves=0.0, drift=0.0):
     """The fit of a tag's corners, with noise of 0.1 px, by a camera whose focal length is `focal`
-    times the given one, from a rough mount.
+    times the given one, from a rough mount; the film's clock drifts about its middle.
     """
-    R, t = FILM.pose(TIMES)
+    R, t = FILM.pose(TIMES + drift * (TIMES - TIMES.mean()))
     middle = t[0] - R[0][:, 2] * t[0][2] / R[0][2, 2]
     rng = np.random.default_rng(0)
     tag = Rotation.from_euler("xyz", [np.pi, 0.1, 0.4]).apply(SIDE * SQUARE) + middle
@@ -56,7 +56,7 @@ def fitted(stated=SIDE, focal=1.05, moves=0.0):
         rough.as_matrix(),
         arm,
         1.0,
-        0.0,
+        drift,
         np.array([0.0, 0.0, 1.5]),
         np.zeros(COUNT),
         0.0,
@@ -78,6 +78,14 @@ def test_focal_length_and_lever_along_the_axis_are_found_together():
     assert found.mount.halves[7] < 0.02
     assert found.is_still
     assert found.has_size
+
+
+def test_a_clock_that_drifts_changes_no_estimate():
+    """By up to 20 ms, at each end of the film."""
+    found = fitted(drift=2e-3)
+    errors = ROBOT.errors(found.mount)
+    assert np.all(abs(errors) < found.mount.halves[:7]), errors
+    assert found.is_still
 
 
 def test_a_wrong_side_is_found_and_a_tag_that_moves_is_told():
