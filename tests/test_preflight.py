@@ -231,7 +231,7 @@ def test_a_small_recording_becomes_a_page_and_a_scenario_that_runs(tmp_path):
 def test_a_bag_is_log_and_film_and_its_replay_is_a_recording_for_rerun(tmp_path):
     bags = pytest.importorskip("bags", reason="rosbags and mcap are not installed")
     pictures, rows = played(["robot.lag_ms=40"], 14.0)
-    frames = [(bags.START + each.time, each.image[..., ::-1]) for each in pictures]
+    frames = [(bags.START + each.time, each.image[..., ::-1]) for each in list(pictures)[::3]]
 
     def images(store):
         return [(time, bags.COMPRESSED, bags.jpeg(store, time, image)) for time, image in frames]

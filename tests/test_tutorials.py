@@ -58,10 +58,13 @@ PRINTS = {
 busy machine, so its numbers vary."""
 FEWER = {
     "duration = 28.0\n": "duration = 14.0\n",
+    "latency = 2\n\n[motion]": "latency = 2\n\n[camera]\nrate = 15\n\n[motion]",
+    '[camera]\nmounted = "world"': '[camera]\nrate = 15\nmounted = "world"',
+    "FRAMES, 300": "FRAMES, 100",
     "seeds = 5\n": "seeds = 2\n",
     "sweep lag.toml --out lag --quiet": "sweep lag.toml --out lag --quiet --workers 1",
 }
-"""What a page says, and what its test does: fewer runs print as much, without a worker's start."""
+"""What a page says, and what its test does: fewer runs and pictures print as much, without a worker's start."""
 ELSEWHERE = {
     "a_law_that_switches": "test_switched_law.py",
     "imitate_a_law": "test_imitation.py",
