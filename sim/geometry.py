@@ -72,7 +72,10 @@ def angle_of(R: Array) -> float:
     return float(np.arctan2(sine, (np.trace(R) - 1) / 2))
 
 
-def _left_jacobian(w: Array) -> Array:
+def left_jacobian(w: Array) -> Array:
+    """Return the left Jacobian (3, 3) of SO(3) at a rotation vector w (3,) [rad]: it maps the rate
+    of w to the angular velocity in the frame that does not move.
+    """
     angle = sqrt(w.dot(w))
     W = skew(w)
     if angle < SMALL_ANGLE:
@@ -86,7 +89,7 @@ def exp_se3(xi: Array) -> Pose:
     """Return the pose T_before_after of a frame that moves for 1 s with the constant twist xi (6,):
     linear velocity [m/s], then angular velocity [rad/s], both in the moving frame.
     """
-    return Pose(exp_so3(xi[3:]), _left_jacobian(xi[3:]) @ xi[:3])
+    return Pose(exp_so3(xi[3:]), left_jacobian(xi[3:]) @ xi[:3])
 
 
 def adjoint(T_a_b: Pose) -> Array:

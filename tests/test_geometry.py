@@ -20,6 +20,14 @@ def test_rotation_vector_close_to_a_half_turn_is_found():
 
 
 @pytest.mark.parametrize("xi", TWISTS)
+def test_the_left_jacobian_gives_the_angular_velocity(xi):
+    w, rate = xi[3:], np.array([0.3, -0.5, 0.4])
+    after, before = (g.exp_so3(w + sign * 1e-5 * rate) for sign in (1, -1))
+    moved = g.log_so3(after @ before.T) / 2e-5
+    np.testing.assert_allclose(g.left_jacobian(w) @ rate, moved, atol=1e-6)
+
+
+@pytest.mark.parametrize("xi", TWISTS)
 def test_exp_is_a_rigid_motion(xi):
     R = g.exp_se3(xi).rotation
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)

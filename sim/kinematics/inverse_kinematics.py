@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import degrees
+from typing import Any
 
 import mujoco
 import numpy as np
 
-from sim.geometry import VISION_FROM_MUJOCO, angle_of
+from sim.geometry import VISION_FROM_MUJOCO, angle_of, inverse, left_jacobian, skew
 from sim.kinematics.chain import ALL_WAYS
 from sim.kinematics.drives import random_joints
 from sim.kinematics.robot import Robot
@@ -280,23 +281,32 @@ def _fit(robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_came
         left = robot.place(data, q).inverse() @ T_world_camera
         return np.append(left.translation, Rotation.from_matrix(left.rotation).as_rotvec())
 
-    return float(np.linalg.norm(_least_squares(robot, error, [start], SEARCH_STEPS)))
+    def slopes(q: Array) -> Array:
+        """Return the derivative (6, n) of the error by the joint positions."""
+        moved, turned = np.split(error(q), 2)
+        J = robot.jacobian(data)
+        return np.vstack([skew(moved) @ J[3:] - J[:3], -inverse(left_jacobian(turned)) @ J[3:]])
+
+    return float(np.linalg.norm(_least_squares(robot, error, [start], slopes, SEARCH_STEPS)))
 
 
 def _least_squares(
     robot: Robot,
     error: Callable[[Array], Array],
     starts: Iterable[Sequence[float] | Array],
+    slopes: Callable[[Array], Array] | None = None,
     steps: int | None = None,
 ) -> Array:
     """Return the smallest error that joint positions inside the limits have, by searches of at most
-    so many steps from all starts; `error` is called with these positions last.
+    so many steps from all starts; `error` is called with these positions last, and `slopes` returns
+    its derivative (None: differences of the error).
     """
     from scipy.optimize import least_squares  # only now: it takes a second
 
     bounds = robot.lower, robot.upper
     inside = (np.clip(start, *bounds) for start in starts)
-    found = [least_squares(error, q, bounds=bounds, max_nfev=steps) for q in inside]
+    derived: dict[str, Any] = {} if slopes is None else {"jac": slopes}
+    found = [least_squares(error, q, bounds=bounds, max_nfev=steps, **derived) for q in inside]
     return error(min(found, key=lambda f: f.cost).x)
 
 
