@@ -336,9 +336,9 @@ def sweep(
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Sweep:
-    """The results of a finished study (a scenario over axes of settings and seeds): a table of its
-    runs, a table of its cells (combinations of axis values), and a sentence for each run that
-    failed.
+    """The results of a finished study (a scenario over axes of settings and seeds): the record
+    of each finished run, the same as a table with a row for each run, and a sentence for each run
+    that failed; `cells` is a table of the cells (combinations of axis values).
     """
 
     study: Study

@@ -156,7 +156,10 @@ def test_the_height_of_the_table_counts_where_something_is_known_from_it(changes
     [
         ("focal=1", "--magnitude focal=1: there is no source of error 'focal'; there is noise"),
         ("tracker=1", "there is no source of error 'tracker'"),
-        ("play=much", "--magnitude play=much: give a number of at least 0"),
+        (
+            "play=much",
+            "--magnitude play=much: write play=NUMBER, with a number of at least 0 [mm, mrad]",
+        ),
         ("play=-1", "at least 0"),
         ("resolution=0.5", "at least 1"),
         ("play", "at least 0"),
@@ -286,7 +289,14 @@ def test_a_budget_says_how_large_each_source_is_and_where_that_is_from():
 
 def test_a_magnitude_may_be_0_and_a_picture_as_fine_as_it_is():
     assert magnitudes_of(["lag=0", "resolution=1"]) == {"lag": 0.0, "resolution": 1.0}
-    for text, least in (("lag=-0.1", 0), ("resolution=0.9", 1), ("lag=inf", 0), ("lag=x", 0)):
+    coarse = "resolution=NUMBER, with a number of at least 1 [times coarser]"
+    late = "lag=NUMBER, with a number of at least 0 [ms]"
+    for text, form in (
+        ("lag=-0.1", late),
+        ("resolution=0.9", coarse),
+        ("lag=inf", late),
+        ("lag=x", late),
+    ):
         with pytest.raises(Mistake) as refused:
             magnitudes_of([text])
-        assert str(refused.value) == f"--magnitude {text}: give a number of at least {least}"
+        assert str(refused.value) == f"--magnitude {text}: write {form}"

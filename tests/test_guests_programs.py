@@ -250,7 +250,7 @@ def test_a_program_that_was_ended_is_not_asked_again(tmp_path):
 
 def test_a_command_must_be_there():
     for command, message in {
-        " ": "the command of the program is empty: set it, such as command = 'python my_program.py'",
+        " ": "the command of the program is empty: give it with --set or from Python (not in a TOML file), such as command = 'python my_program.py'",
         "no-such x": "program 'no-such x' cannot be started: No such file or directory",
     }.items():
         with pytest.raises(ValueError) as refused:

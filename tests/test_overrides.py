@@ -92,11 +92,11 @@ def test_setting_another_kind_clears_the_rest_of_its_table():
         ),
         (
             ["disturbances=[{ kind = 'spot' }]", "disturbances.0=1"],
-            "--set disturbances.0=1: 'disturbances.0' should end with the number of an item that is there, counted from 0, such as start.pose.2, or with a key in it, such as disturbances.0.start",
+            "--set disturbances.0=1: 'disturbances.0' should end with the number of an item that is there and is no table, counted from 0, such as start.pose.2, or with a key of a table there, such as disturbances.0.start",
         ),
         (
             ["start.pose=[0, 0, 1, 0, 0, 0]", "start.pose.6=1"],
-            "--set start.pose.6=1: 'start.pose.6' should end with the number of an item that is there, counted from 0, such as start.pose.2, or with a key in it, such as disturbances.0.start",
+            "--set start.pose.6=1: 'start.pose.6' should end with the number of an item that is there and is no table, counted from 0, such as start.pose.2, or with a key of a table there, such as disturbances.0.start",
         ),
         (
             ['run."lat.ency"=2'],

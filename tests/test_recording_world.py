@@ -234,7 +234,7 @@ SENTENCES = {
     "absent at first": (["recording.truth={absent}"], "{absent}: the target is not in the first"),
     "a large view": (
         ["camera.width=1000", "camera.height=700"],
-        "the view of 1000 x 700 px is larger than the recording: set a smaller camera.width",
+        "the view of 1000 x 700 px reaches beyond the recording: set a longer focal length (a larger",
     ),
     "a longer run": (["run.duration=3"], "run.duration = 3 s is too long: set at most 0.4 s"),
     "another robot": (["robot.kind=arm"], "in a recording the camera can only turn: leave"),

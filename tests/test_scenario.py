@@ -208,7 +208,7 @@ def test_bounds_are_those_of_the_tracker_in_the_file_and_others_have_their_own(m
     other = judged("tracker.kind=pf_ssd")
     assert (other.expect, other.table["expect"]) == ({}, {})
     assert other.unjudged == (
-        "No verdict: the bounds are made for kams, and there are none for pf_ssd."
+        "No verdict: the bounds are made for kams and frozen, and there are none for pf_ssd."
     )
     assert judged(tracker=other.tracker).expect == {}
     assert judged(tracker=other.tracker).unjudged == other.unjudged

@@ -205,7 +205,7 @@ def test_a_server_that_hangs_is_ended(mode, wanted, limit, monkeypatch):
     [
         (
             "",
-            "the command of the TraX server is empty: set it, such as command = 'python my_program.py'",
+            "the command of the TraX server is empty: give it with --set or from Python (not in a TOML file), such as command = 'python my_program.py'",
         ),
         (
             "no-such-program x",

@@ -47,7 +47,8 @@ NEAR = 0.5
 class WorldRun:
     """The run of a contestant (tracker or control law) in one world (random scenario) of a
     benchmark, as the subject of a study's job: the scenario's table includes the contestant's
-    settings.
+    settings. With a `driver` the contestant also gets the pictures of a run in the same world in
+    which a reference tracker steers the camera.
     """
 
     benchmark: str

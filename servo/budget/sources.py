@@ -126,7 +126,11 @@ def magnitudes_of(texts: Sequence[str]) -> dict[str, float]:
             found[name] = np.nan
         least = 1.0 if name == RESOLUTION else 0.0
         if not least <= found[name] < np.inf:
-            raise Mistake(f"--magnitude {text}: give a number of at least {least:g}")
+            unit = next(source.unit for source in SOURCES if source.name == name)
+            raise Mistake(
+                f"--magnitude {text}: write {name}=NUMBER, with a number of at least {least:g} "
+                f"[{unit}]"
+            )
     return found
 
 

@@ -392,7 +392,7 @@ def budget() -> None:
 @app.command()
 @click.argument("claims", nargs=-1, help="Claims, such as P1-2 (default: all).")
 @click.option("--quick", is_flag=True, help="One seed of each, to check that all works.")
-@click.option("--sequences", type=opt.PATH, help="A folder of real sequences to add to P0-1.")
+@click.option("--sequences", type=opt.PATH, help="A folder of real sequences to add to P0-1a.")
 @click.option(
     "--first-seed",
     type=opt.COUNT,

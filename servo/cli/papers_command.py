@@ -57,7 +57,7 @@ def run(
     Args:
         claims: Names of the claims, such as "P1-2"; none: all.
         quick: Whether one seed of each is enough.
-        sequences: A folder of real sequences to add to the claim P0-1; None: none.
+        sequences: A folder of real sequences to add to the claim P0-1a; None: none.
         first_seed: The first seed; None: the seeds that the rules name.
         workers: Number of processes.
         out: The folder to write; None: runs/papers, runs/papers-quick for a quick run, or

@@ -59,7 +59,8 @@ def select(
         region: The value of the option --region, which must be None.
 
     Returns:
-        The region as a text "X,Y,W,H[,DEG]" (top left corner and size [px], rotation [deg]), and an
+        The region as a text "X,Y,W,H[,DEG]" (top left corner and size [px] before a clockwise
+        rotation about its centre [deg]), and an
         iterator over all pictures, the first one included.
 
     Raises:

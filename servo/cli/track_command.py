@@ -167,8 +167,12 @@ def run(
 
 
 def built(config: PartConfig[Tracker], seed: int) -> Tracker:
-    """Build a tracker from its settings; an exception in it is raised again as an error that names
-    the tracker.
+    """Build a tracker from its settings, and return it in a wrapper, which raises an exception of
+    one of its methods (but a ValueError of `start`) again as a `PartFailed` that names the tracker.
+
+    Raises:
+        PartFailed: The tracker's code raised an exception while it was built.
+        Mistake: Its settings are refused.
     """
     part = Part("tracker", config)
     return part.guarded(part.build(np.random.default_rng(seed)))

@@ -18,8 +18,9 @@ do not swamp the pose."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the feature set `weighted`: the width of the border of the picture in which
-    corners count, as a share of half the picture's width or height.
+    """Settings of the feature set `weighted` (pose and corners): the width of the band along the
+    picture's sides in which a corner counts, the more the nearer it is to the side, as a share of
+    half the picture's width or height.
     """
 
     border: Annotated[float, Gt(0), Lt(1)] = 0.3

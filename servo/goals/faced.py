@@ -27,8 +27,9 @@ class GoalConfig:
 
     The position is in px to the right of the image's centre and below it. The angle is the
     direction of the target's nose, from right towards down, in degrees. The distance is in m, and
-    can change once in the run, at constant speed. By default the camera faces the target; with a
-    tilt it sees the target from the side.
+    with `depth_to` it changes once in the run, at constant speed. By default the camera faces the
+    target; `tilt_deg` moves it around the target's centre by an angle, in the direction
+    `tilt_towards_deg` in the picture, from right towards down.
     """
 
     x: Pixels = 0.0

@@ -269,6 +269,7 @@ class Running:
             PartFailed: A component raised an exception, or returned an invalid value.
             ValueError: The frame is not later than that of the previous call, frame or posture has
                 a wrong type, shape or number, or the loop was started again.
+            Mistake: The goal is tilted, and the tracker reports no corners.
         """
         return self.decide(self.track(frame, posture), posture).command
 
@@ -287,6 +288,7 @@ class Running:
             PartFailed: The tracker or a policy raised an exception, or returned an invalid value.
             ValueError: The frame is not later than that of the previous call, frame or posture has
                 a wrong type, shape or number, or the loop was started again.
+            Mistake: The goal is tilted, and the tracker reports no corners.
         """
         began = perf_counter()
         if self._loop.latest() is not self:

@@ -108,9 +108,11 @@ class Expected:
         """Return a sentence that explains why runs with a kind of tracker have no verdict, if the
         scenario has bounds, but only for other trackers; else "".
         """
-        if self.made_for(kind) or not self.expect:
+        made = [*([self.own] if self.expect else []), *self.others]
+        if self.made_for(kind) or not made:
             return ""
-        return f"No verdict: the bounds are made for {self.own}, and there are none for {kind}."
+        own = " and ".join(made)
+        return f"No verdict: the bounds are made for {own}, and there are none for {kind}."
 
 
 @functools.cache  # building them takes longer than loading a scenario

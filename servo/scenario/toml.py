@@ -185,8 +185,9 @@ def put(table: Table, path: str, value: object, place: str) -> None:
     if isinstance(at, list):  # a number of start.pose, but no whole disturbance
         if not name.isdecimal() or isinstance(_inside(at, name, None), dict | None):
             raise Mistake(
-                f"{place}: '{path}' should end with the number of an item that is there, counted "
-                "from 0, such as start.pose.2, or with a key in it, such as disturbances.0.start"
+                f"{place}: '{path}' should end with the number of an item that is there and is no "
+                "table, counted from 0, such as start.pose.2, or with a key of a table there, "
+                "such as disturbances.0.start"
             )
         at[int(name)] = value
         return

@@ -1,5 +1,6 @@
 """A robot's log and the film of its camera, read for a comparison: the hand's motion on an even
-grid of times, and the pictures' times on the clock of their stamps.
+grid of times, the film's pictures, and the time on the log's clock at which the film begins, if it
+is known.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -42,8 +42,9 @@ class Config(Outlined):
         for geom in spec.geoms:
             geom.contype = geom.conaffinity = 0
             if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+                named = f"'{geom.name}'" if geom.name else f"of the body '{geom.parent.name}'"
                 raise ValueError(
-                    f"{path}: the geom '{geom.name}' is a plane, which cannot move: delete it"
+                    f"{path}: the geom {named} is a plane, which cannot move: delete it"
                 )
         try:
             target = self.target(spec)

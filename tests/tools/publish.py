@@ -67,7 +67,10 @@ def _block(name: str, rendering: str, rows: list[Row], most: int | None) -> str:
     columns = [0, *range(2, 4)]  # without the division
     head = [table.head[c] for c in columns]
     few = [[table.rows[i][c] for c in columns] for i in shown]
-    which = f", guests: {len(guests)}" if guests else ""
+    are = "is" if len(guests) == 1 else "are"
+    which = (
+        f"; {len(guests)} of these {len(shown)} {are} not shipped with servobench" if guests else ""
+    )
     text = f"{name}: {len(shown)} of {len(table.rows)} contestants{which}."
     return f"{text}\n\n{markdown(Table(head, few, range(1)))}\n"
 

@@ -78,8 +78,8 @@ class GuestProcess:
         """
         if not command.strip():
             raise ValueError(
-                f"the command of the {name} is empty: set it, such as "
-                "command = 'python my_program.py'"
+                f"the command of the {name} is empty: give it with --set or from Python (not in a "
+                "TOML file), such as command = 'python my_program.py'"
             )
         self.name = f"{name} '{command}'"
         self.folder = Path(tempfile.mkdtemp(prefix="guest-"))

@@ -288,11 +288,13 @@ class WrapSettings(GuestSettings):
     wrapping: ClassVar[Wrapping]
 
     def guest(self, seed: int) -> TimedGuest:
-        """Return a new tracker of the other author in a thread of its own, ready for the first
-        picture; all its random numbers follow from `seed`.
+        """Return the tracker of the other author in a thread of its own, ready for the first
+        picture: a new one of a wrapped class or function, or the wrapped object. A new one gets
+        `seed`, if it takes `seed` or `rng`; OpenCV's random numbers and those of C's rand() follow
+        from it in the whole process.
 
         Raises:
-            ValueError: The tracker cannot be made, or not within `loading` s.
+            ValueError: The tracker cannot be made, or not within the setting `loading` [s].
         """
         return self.wrapping.timed(seed, self)
 

@@ -36,8 +36,8 @@ PRESETS = {"paper": {"span": 1.0, "inset": 0.0, "velocity_memory": 1.0}}
 @dataclass(frozen=True, slots=True)
 class Config:
     """Settings of the tracker `mk_ssd`: colour bins of each channel, correction of uneven light,
-    half axis of the kernels in cells (`span`), share of the region that they leave out (`inset`),
-    and share of the old velocity in the new one.
+    half axis of the kernels in cells (`span`), share of the region's width and height that they
+    leave out (`inset`), and share of the old velocity in the new one.
     """
 
     levels: Levels = 8
