@@ -180,8 +180,8 @@ def with_recording(table: Table, place: str) -> Table:
     if room is None:
         raise Mistake(
             f"{place}: the view of {view.width} x {view.height} px reaches beyond the recording: "
-            "set a longer focal length (a larger camera.fx, or a smaller camera.fovy_deg), or, without "
-            "camera.fovy_deg, a smaller camera.width and camera.height"
+            "set a longer focal length (a larger camera.fx, or a smaller camera.fovy_deg), or, "
+            "without camera.fovy_deg, a smaller camera.width and camera.height"
         )
     robot = _section(table, "robot")
     if robot.get("kind", "head") != "head":
