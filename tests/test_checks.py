@@ -101,6 +101,19 @@ class Draws(Good):
         return dataclasses.replace(super().update(frame), state=state)
 
 
+class Patient(Good):
+    """LOCKED for 29 pictures: two seconds after the target, which is seen in eight, is gone."""
+
+    def start(self, frame, region, state):
+        super().start(frame, region, state)
+        self.seen = 0
+
+    def update(self, frame, ego=None):
+        self.seen += 1
+        status = Status.LOCKED if self.seen < 30 else Status.LOST
+        return dataclasses.replace(super().update(frame), status=status)
+
+
 class Nothing(Good):
     def update(self, frame, ego=None):
         return None
@@ -143,6 +156,11 @@ def test_a_broken_tracker_gets_its_sentence(sentence):
     with pytest.raises(BrokenContract) as broken:
         check_tracker(config_for(TRACKERS[sentence]))
     assert sentence in str(broken.value)
+
+
+def test_a_target_that_is_gone_is_judged_after_two_seconds():
+    with pytest.raises(BrokenContract, match=r"^the status is LOCKED two seconds after"):
+        check_tracker(config_for(Patient))
 
 
 @pytest.mark.parametrize(

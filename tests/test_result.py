@@ -91,6 +91,8 @@ def test_a_notebook_shows_summary_and_plots(result):
     assert "<b>still, seed 4</b>: TIMED_OUT. " in page
     assert "(missed: outcome is TIMED_OUT, expected CONVERGED; " in page
     assert page.count("<img") == 1
+    assert "<td>servo_rms_px</td>" in page
+    assert "<td>servo_angle_peak_deg</td>" not in page
     figure = result.figure()
     assert [ax.get_ylabel()[:8] for ax in figure.axes] == [
         "feature ",

@@ -394,6 +394,10 @@ def test_a_good_recording_gives_numbers_with_their_intervals():
         [],
         [],
     )
+    level = Rotation.from_euler("xyz", [-0.001, 0, -0.002], degrees=True).as_matrix()
+    assert rows(verdict(at=mount(rotation=level)))["mount: rotation"].startswith(
+        "roll 0.00, pitch 0.00, yaw 0.00 deg"
+    )
     turned = verdict(
         at=mount(rotation=Rotation.from_euler("xyz", [10, 20, 30], degrees=True).as_matrix())
     )

@@ -59,6 +59,13 @@ MUTANTS_THAT_CHANGE_NOTHING: dict[tuple[str, str, int, str, str], str] = {
         "2",
     ): "what is above 0 is gravel",
     (
+        "tracking/exported/toolkits.py",
+        "answer = type(given)([type(points[0])(*corner) for corner in outline])",
+        46,
+        "0",
+        "1",
+    ): "the four corners are of one type",
+    (
         "servo/papers/kams_paper.py",
         'drawn |= {f"layer {m}, over without": i for m, i in zip(layers, over_still, strict=True)}',
         87,
