@@ -19,6 +19,7 @@ from servo.scenario.load import load
 from sim.camera import gl
 from sim.camera.camera import CameraConfig
 from sim.camera.choice import renderer_of
+from sim.camera.exact import raster
 from sim.camera.exact.raster import is_outside
 from sim.camera.exact.renderer import ExactRenderer
 from sim.camera.lens import Lens
@@ -207,6 +208,22 @@ def test_shadows_have_the_same_bits_everywhere():
     assert hashlib.sha256(image.tobytes()).hexdigest() == SHADED
 
 
+@pytest.mark.parametrize("side", range(4))
+def test_a_triangle_may_cover_the_outermost_pixels_alone(side):
+    """It reaches from outside over the middles of one column or row of 8 x 6 pixels, and no further."""
+    size = np.array([8.0, 6.0])
+    along = side % 2
+    corners = np.zeros((3, 11))
+    places = np.array([[-2.0, 3.0], [0.6, 1.0], [0.6, 5.0]])[:, [along, 1 - along]]
+    if side > 1:
+        places = size - places
+    corners[:, [raster.U, raster.V]] = places
+    assert raster.may_cover(corners, 6, 8)
+    places[:, along] += 0.2 if side > 1 else -0.2
+    corners[:, [raster.U, raster.V]] = places
+    assert not raster.may_cover(corners, 6, 8)
+
+
 def test_a_texture_from_far_away_is_its_mean():
     """Its coarsest level, one pixel: half of the picture is black, and half is white."""
     text = """<mujoco>
@@ -270,6 +287,7 @@ def test_without_opengl_a_line_says_so_and_the_exact_renderer_is_used(monkeypatc
     assert drawn_by("exact") is ExactRenderer
     assert capsys.readouterr().err == ""
     assert drawn_by("opengl") is ExactRenderer
+    assert gl.is_there() is False
     gl.is_there.cache_clear()
     assert drawn_by("opengl") is ExactRenderer
     gl.is_there.cache_clear()
