@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -80,7 +79,8 @@ class RunningChart:
             artist.set_animated(True)
         self._times: list[float] = []
         self._values: list[Sequence[float]] = []
-        self._statuses: list[Sequence[str]] = []
+        self._pieces: dict[float, list[tuple[float, float, str]]] = {}
+        """Pieces of each band, by its height in the axes: begin and end [s], and status."""
         self._end = chart.end or FIRST_END
         self._top = chart.top or LOWEST
         self._set_limits()
@@ -97,18 +97,30 @@ class RunningChart:
         Returns:
             True if the axes have grown, so that the whole figure must be drawn again.
         """
+        self._extend_bands(time, statuses)
         self._times.append(time)
-        self._statuses.append(statuses)
         self._values.append(values)
         for line, curve in zip(self._lines, np.transpose(self._values), strict=True):
             line.set_data(self._times, curve)
-        height = BAND / len(statuses)
-        places = [BAND - (i + 0.5) * height for i in range(len(statuses))]
-        between = pairwise(self._times)
-        self._band.set_segments([[(a, place), (b, place)] for a, b in between for place in places])
-        self._band.set_linewidth(self._points / len(statuses))
-        self._band.set_color([STATUS_ON_WHITE[s] for frame in self._statuses[1:] for s in frame])
         return self._grow(time, max(filter(math.isfinite, values), default=0.0))
+
+    def _extend_bands(self, time: float, statuses: Sequence[str]) -> None:
+        """Extend the coloured bands from the last frame to a time [s]. Frames of one status are one
+        piece of a band, so that a long film has few pieces.
+        """
+        if not self._times:
+            return
+        height = BAND / len(statuses)
+        for i, status in enumerate(statuses):
+            pieces = self._pieces.setdefault(BAND - (i + 0.5) * height, [])
+            if pieces and pieces[-1][2] == status:
+                pieces[-1] = (pieces[-1][0], time, status)
+            else:
+                pieces.append((self._times[-1], time, status))
+        every = [(place, *piece) for place, pieces in self._pieces.items() for piece in pieces]
+        self._band.set_segments([[(a, place), (b, place)] for place, a, b, _ in every])
+        self._band.set_linewidth(self._points / len(statuses))
+        self._band.set_color([STATUS_ON_WHITE[status] for *_, status in every])
 
     def _grow(self, time: float, value: float) -> bool:
         """Extend the axes to a time [s] and a value; return True if one of them has grown."""
