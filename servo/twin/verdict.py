@@ -216,16 +216,16 @@ def judge(fits: Fits, trust: Trust) -> Verdict:
         fits: What was fitted to log and film.
         trust: What is known of the camera.
     """
-    offset, diagnosis, mount, axes = fits.offset, fits.diagnosis, fits.mount, fits.axes
+    mount = fits.mount
     believed = trust.believed
     findings: list[Finding] = []
-    no_offset = _no_offset(offset)
+    no_offset = _no_offset(fits.offset)
     if no_offset:
         findings.append(no_offset)
-    mistakes = [each.mistake for each in diagnosis.best.corrections]
-    if not no_offset and max(axes[0] / SLIDES, axes[1] / TURNS) >= 1:
-        findings += _of_diagnosis(diagnosis)
-    is_turned = any(each.turn is not None for each in diagnosis.best.corrections)
+    mistakes = [each.mistake for each in fits.diagnosis.best.corrections]
+    if not no_offset and max(fits.axes[0] / SLIDES, fits.axes[1] / TURNS) >= 1:
+        findings += _of_diagnosis(fits.diagnosis)
+    is_turned = any(each.turn is not None for each in fits.diagnosis.best.corrections)
     # What moves by itself in the scene looks like such a turn.
     is_shown = not is_turned and not no_offset and fits.turned.stray <= fits.most_stray
     mixed = _mixed(fits.turned) if is_shown else ""
@@ -237,10 +237,10 @@ def judge(fits: Fits, trust: Trust) -> Verdict:
     shows_tag = fits.tag is not None and fits.tag.is_still
     shows_focal = shows_tag or (trust.along is not None and not trust.focal)
     known = trust.focal or shows_focal
-    no_lever = _no_lever(no_mount, mount, axes, known=known)
+    no_lever = _no_lever(no_mount, fits, known=known)
     if not no_offset:
         fit = None if no_mount else mount
-        findings += _of_clocks(offset, fit, float(fits.tracks.times[0]), trust)
+        findings += _of_clocks(fits.offset, fit, float(fits.tracks.times[0]), trust)
     if no_mount:
         findings.append(no_mount)
     else:
@@ -253,7 +253,7 @@ def judge(fits: Fits, trust: Trust) -> Verdict:
     return Verdict(
         findings,
         _of_film(fits.tracks),
-        offset if trust.stamped and not no_offset else None,
+        fits.offset if trust.stamped and not no_offset else None,
         None if no_mount else mount,
         not no_mount,
         not no_lever,
@@ -315,7 +315,8 @@ def _no_mount(why: str, fits: Fits, *, stated: bool) -> Finding | None:
         fits: What was fitted to log and film.
         stated: Whether the user states a mount.
     """
-    diagnosis, mount, axes = fits.diagnosis, fits.mount, fits.axes
+    diagnosis = fits.diagnosis
+    mount = fits.mount
     apart = [
         angle_of(diagnosis.best.mount.rotation.T @ other.mount.rotation)
         for other in diagnosis.others
@@ -324,7 +325,7 @@ def _no_mount(why: str, fits: Fits, *, stated: bool) -> Finding | None:
     cases = (
         (bool(why), why, RECORD, True),
         (
-            axes[1] < TURNS and axes[0] < SLIDES,
+            fits.axes[1] < TURNS and fits.axes[0] < SLIDES,
             "the hand moves along or about one axis only",
             RECORD,
             True,
@@ -387,18 +388,15 @@ def _mixed(turned: Mount) -> str:
     )
 
 
-def _no_lever(
-    no_mount: Finding | None, mount: Mount, axes: tuple[float, float], *, known: bool
-) -> Finding | None:
+def _no_lever(no_mount: Finding | None, fits: Fits, *, known: bool) -> Finding | None:
     """Return the row about a lever that is refused; None if it is not.
 
     Args:
         no_mount: The row about a rotation that is refused, which says what to change for both.
-        mount: The fit.
-        axes: The hand's sliding [m/s] and turning [rad/s] along its second axis.
+        fits: What was fitted to log and film.
         known: Whether the focal length or the lever's part along the optical axis is known.
     """
-    vague = float(mount.halves[4:7].max())
+    vague = float(fits.mount.halves[4:7].max())
     cases = (
         (
             no_mount is not None,
@@ -407,8 +405,9 @@ def _no_lever(
             no_mount is not None and no_mount.needs_recording,
         ),
         (
-            axes[1] < TURNS,
-            f"the hand turns at {axes[1]:.3f} rad/s about its second axis (at least {TURNS:g})",
+            fits.axes[1] < TURNS,
+            f"the hand turns at {fits.axes[1]:.3f} rad/s about its second axis (at least "
+            f"{TURNS:g})",
             RECORD,
             True,
         ),
