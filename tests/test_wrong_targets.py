@@ -28,6 +28,7 @@ BROKEN = {
     "a.ply": "ply\n",
     "a.xml": "<mujoco",
     "c.xml": MODEL.format('<geom type="plane" size="1 1 1" name="ground"/>'),
+    "unnamed.xml": MODEL.format('<geom type="plane" size="1 1 1"/>'),
     "d.xml": MODEL.format(""),
     "e.xml": MODEL.format('<geom size=".1" pos="0 0 -.2"/>'),
     "f.xml": MODEL.format('<geom size=".1" group="4"/>'),
@@ -150,6 +151,11 @@ WRONG = [
         "mjcf",
         {"model": "c.xml"},
         "c.xml: the geom 'ground' is a plane, which cannot move: delete it",
+    ),
+    (
+        "mjcf",
+        {"model": "unnamed.xml"},
+        "unnamed.xml: the geom of the body 'world' is a plane, which cannot move: delete it",
     ),
     (
         "mjcf",
