@@ -210,7 +210,7 @@ def test_bounds_are_those_of_the_tracker_in_the_file_and_others_have_their_own(m
     assert other.unjudged == (
         "No verdict: the bounds are made for kams and frozen, and there are none for pf_ssd."
     )
-    mine.write_text(JUDGED.replace("[expect]\noutcome = \"TIMED_OUT\"\nservo_rms_px = 2.0\n", ""))
+    mine.write_text(JUDGED.replace('[expect]\noutcome = "TIMED_OUT"\nservo_rms_px = 2.0\n', ""))
     assert judged().unjudged == (
         "No verdict: the bounds are made for frozen, and there are none for kams."
     )
