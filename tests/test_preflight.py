@@ -55,12 +55,12 @@ def compared(film, spoil=lambda v: v, tracks=None):
 
 def test_offset_and_mount_are_inside_their_intervals():
     found = compared(Film(3, SECONDS))
-    errors = ROBOT.errors(found.mount)
-    assert np.all(abs(errors) < found.mount.halves[:7]), errors
+    errors = ROBOT.errors(found.fits.mount)
+    assert np.all(abs(errors) < found.fits.mount.halves[:7]), errors
     assert abs(errors[0]) < 1e-3
-    assert np.degrees(found.mount.halves[1:4].max()) < 1.0
+    assert np.degrees(found.fits.mount.halves[1:4].max()) < 1.0
     assert found.verdict.is_good, found.verdict.findings
-    assert abs(found.offset.value - ROBOT.offset) < found.offset.half
+    assert abs(found.fits.offset.value - ROBOT.offset) < found.fits.offset.half
 
 
 @pytest.mark.wide
@@ -69,7 +69,7 @@ def test_a_mistake_is_named_with_what_to_change_and_the_mount_is_found_all_the_s
     names = [each.found for each in found.verdict.findings if each.what == "mistake"]
     assert names == ["the sign of x of the position is wrong", "lengths are in millimetres"]
     assert "over 1000" in found.verdict.findings[1].change
-    assert np.degrees(abs(ROBOT.errors(found.mount)[1:4])).max() < 0.5
+    assert np.degrees(abs(ROBOT.errors(found.fits.mount)[1:4])).max() < 0.5
 
 
 @pytest.mark.wide

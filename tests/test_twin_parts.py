@@ -694,7 +694,10 @@ def compared(**changes):
     flows = np.zeros((len(steps.first), 6))
     flows[:, 0] = np.arange(len(flows))
     at = mount(offset=0.0, arm=np.zeros(3), plane=np.array([0, 0, 1 / 0.6]))
-    return replace(Comparison(TRACKS, still, flows, OFFSET, diagnosed(), at, verdict()), **changes)
+    fits = Fits(OFFSET, diagnosed(), at, at, TRACKS, STRONG)
+    fitted = {name: changes.pop(name) for name in ("mount", "tracks") if name in changes}
+    whole = Comparison(replace(fits, **fitted), still, flows, verdict())
+    return replace(whole, **changes)
 
 
 @pytest.mark.parametrize(

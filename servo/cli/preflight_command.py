@@ -101,7 +101,8 @@ class Given:
 
     @staticmethod
     def of(log: Path | None, video: str | None, **options: object) -> "Given":
-        """Return the options of a command; the film of a bag is in the bag, if none is given.
+        """Return the options of a command. The log may be a bag, which has the film, too; `video`
+        may then be None.
 
         Raises:
             Mistake: There is no log, or no film.

@@ -60,8 +60,7 @@ def select(
 
     Returns:
         The region as a text "X,Y,W,H[,DEG]" (top left corner and size [px] before a clockwise
-        rotation about its centre [deg]), and an
-        iterator over all pictures, the first one included.
+        rotation about its centre [deg]), and an iterator over all pictures, the first one included.
 
     Raises:
         Mistake: The option --region is given too, there is no first picture, it cannot be read, or

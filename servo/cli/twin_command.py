@@ -105,16 +105,16 @@ def run(
     compared, camera, begins = comparison(given, table)
     show(compared)
     changes, notes = _changes(given, table, compared, camera, scenario)
-    note = left_out(begun_with.table, scenario)
-    if note:
-        notes = {"0": note} | notes
+    omitted = left_out(begun_with.table, scenario)
+    if omitted:
+        notes = {"0": omitted} | notes
     folder = prepare(out, f"twin-{log.stem}")
     text = toml(scenario, changes, notes)
     with writing(folder):
         written = atomic.write(folder, SCENARIO, text)
     plain(console, f"{written}: servobench run {written}")
-    if note:
-        plain(console, note)
+    if omitted:
+        plain(console, omitted)
     plain(console, *(note for note in notes.values() if note.startswith(UNTRUSTED)))
     blocks = [Block("The scenario", code=[text])]
     if region is not None:
@@ -145,7 +145,7 @@ def _changes(
     """Return the settings that a recording shows, and a comment for each; comments with the keys
     "1", "2", ... are about what is not known.
     """
-    verdict, mount = compared.verdict, compared.mount
+    verdict, mount = compared.verdict, compared.fits.mount
     changes: dict[str, object] = {}
     notes: dict[str, str] = {}
     try:
@@ -199,7 +199,7 @@ def _changes(
 
 def _of_camera(given: Given, compared: Comparison, camera: Camera) -> dict[str, tuple[object, str]]:
     """Return the settings of the camera that a recording shows, each with a comment or ""."""
-    verdict, mount = compared.verdict, compared.mount
+    verdict, mount = compared.verdict, compared.fits.mount
     rate = _rate(compared)
     found: dict[str, tuple[object, str]] = {
         "width": (camera.width, ""),
@@ -223,7 +223,7 @@ def _of_camera(given: Given, compared: Comparison, camera: Camera) -> dict[str, 
 
 def _rate(compared: Comparison) -> float:
     """Return the film's rate [Hz]."""
-    rate = 1 / float(np.median(np.diff(compared.tracks.times)))
+    rate = 1 / float(np.median(np.diff(compared.fits.tracks.times)))
     return round(rate) if abs(rate - round(rate)) < 0.02 * rate else round(rate, 2)
 
 
@@ -289,7 +289,7 @@ def _replay(
     """Write a recording and its simulation, and return the page's block about them."""
     source, pictures = film(given.video, given.rate, given.topic, given.stamps)
     path = folder / FILM
-    count = source.count or len(compared.tracks.times)
+    count = source.count or len(compared.fits.tracks.times)
     room = room_in(compared)
     placed = PLACED if room is None else TURNED
     with (
@@ -371,7 +371,7 @@ def _others(
 
     def tracked(name: str, config: PartConfig[Tracker]) -> Tracked:
         source, pictures = film(given.video, given.rate, given.topic, given.stamps)
-        count = source.count or len(compared.tracks.times)
+        count = source.count or len(compared.fits.tracks.times)
         shots: list[Shot] = []
         with progress(console, name, count) as tick, as_mistake():
             for shot in follow(built(config, 0), pictures, target, start):

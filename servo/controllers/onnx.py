@@ -109,9 +109,9 @@ class Network:
 
     def act(self, picture: Image, goal_picture: Image, posture: Posture) -> Array:
         """Return the first output of a network without the inputs camera, pose and depth
-        (`knows_camera` is False) as a vector, which should be a camera twist (6,)
-        in the camera frame [m/s, rad/s]; its shape is not checked here. The network is given those
-        of the arguments that it has as inputs.
+        (`knows_camera` is False) as a vector, which should be a camera twist (6,) in the camera
+        frame [m/s, rad/s]; its shape is not checked here. The network is given those of the
+        arguments that it has as inputs.
 
         Args:
             picture: The camera's RGB picture (H, W, 3) of uint8.

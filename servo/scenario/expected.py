@@ -108,11 +108,11 @@ class Expected:
         """Return a sentence that explains why runs with a kind of tracker have no verdict, if the
         scenario has bounds, but only for other trackers; else "".
         """
-        made = [*([self.own] if self.expect else []), *self.others]
-        if self.made_for(kind) or not made:
+        kinds = [*([self.own] if self.expect else []), *self.others]
+        if self.made_for(kind) or not kinds:
             return ""
-        own = " and ".join(made)
-        return f"No verdict: the bounds are made for {own}, and there are none for {kind}."
+        judged = " and ".join(kinds)
+        return f"No verdict: the bounds are made for {judged}, and there are none for {kind}."
 
 
 @functools.cache  # building them takes longer than loading a scenario

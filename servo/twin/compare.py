@@ -10,9 +10,7 @@ import numpy as np
 from servo.twin import mount as mounts
 from servo.twin import offset as offsets
 from servo.twin.corrections import Correction, Smooth, disguises, motion
-from servo.twin.diagnosis import Diagnosis, corrected, diagnose
-from servo.twin.mount import Mount
-from servo.twin.offset import Offset
+from servo.twin.diagnosis import corrected, diagnose
 from servo.twin.robot_motion import RobotMotion
 from servo.twin.tracks import Tracks
 from servo.twin.verdict import (
@@ -42,15 +40,12 @@ THIRDS = 3
 class Comparison:
     """The result of the comparison of a robot's log with the film of its camera."""
 
-    tracks: Tracks
-    """The film's points, on the log's clock but for the offset."""
+    fits: Fits
+    """What was fitted; the times of its points are on the log's clock but for the offset."""
     motion: RobotMotion
     """The hand's motion after all corrections."""
     flows: Array
     """Affine flows (p, 6) of consecutive pictures [1/s]."""
-    offset: Offset
-    diagnosis: Diagnosis
-    mount: Mount
     verdict: Verdict
 
 
@@ -97,8 +92,7 @@ def compare(
         if tag.is_still:
             mount = tag.mount
     fits = Fits(offset, diagnosis, mount, turned, film, axes, smooth.is_inverse, tag)
-    verdict = judge(fits, trust)
-    return Comparison(film, moved, flows, offset, diagnosis, mount, verdict)
+    return Comparison(fits, moved, flows, judge(fits, trust))
 
 
 def _revealing(smooth: Smooth, steps: Tracks) -> tuple[Correction, ...]:

@@ -41,8 +41,8 @@ STEP = 0.5
 def room_in(compared: Comparison) -> Pose | None:
     """Return `room_of` for a comparison of log and film, by postures in even intervals."""
     times = np.arange(compared.motion.times[0], compared.motion.times[-1], STEP)
-    poses = camera_poses(compared.motion, compared.mount, times)
-    return room_of(poses, compared.mount.plane)
+    poses = camera_poses(compared.motion, compared.fits.mount, times)
+    return room_of(poses, compared.fits.mount.plane)
 
 
 def room_of(poses: list[Pose], plane: Array) -> Pose | None:
@@ -94,9 +94,9 @@ def write_replay(
         folder: Folder to write into.
         tick: Called after each picture, with a note; Ctrl-C in it ends the film there.
     """
-    motion, mount = compared.motion, compared.mount
-    stretch, flips = effect(compared.diagnosis.best.corrections)
-    middle = float(compared.tracks.times[[0, -1]].mean())
+    motion, mount = compared.motion, compared.fits.mount
+    stretch, flips = effect(compared.fits.diagnosis.best.corrections)
+    middle = float(compared.fits.tracks.times[[0, -1]].mean())
     first, last = motion.times[0], motion.times[-1]
     view = Camera(
         camera.fx * mount.focal,

@@ -71,7 +71,7 @@ def section(
         kind: What the page shows.
     """
     verdict = compared.verdict
-    tracks = compared.tracks
+    tracks = compared.fits.tracks
     seconds = float(tracks.times[-1] - tracks.times[0])
     changes = sum(bool(each.change) for each in verdict.findings)
     lead = "Log and film fit each other. " * verdict.is_good
@@ -84,8 +84,12 @@ def section(
             f"{len(tracks.times)} pictures, {tracks.size[0]} x {tracks.size[1]} px",
         ),
         Fact("points followed", f"{tracks.known.sum():,}"),
-        Fact("points off the fit", f"{compared.mount.off:.2f} px", "median"),
-        Fact("depth of the offset's curve", f"{compared.offset.depth:.1f}", "at least 3 is needed"),
+        Fact("points off the fit", f"{compared.fits.mount.off:.2f} px", "median"),
+        Fact(
+            "depth of the offset's curve",
+            f"{compared.fits.offset.depth:.1f}",
+            "at least 3 is needed",
+        ),
     ]
     pictures = [
         PageImage.of("", encoded(image), "picture", sheet=False)
@@ -115,7 +119,7 @@ def curve(compared: Comparison) -> Drawing:
     covariance) over the offset of the film's clock [ms], with the best offset and its interval.
     """
     figure, (ax,) = panels(9.0, 2.6)
-    offset = compared.offset
+    offset = compared.fits.offset
     ax.plot(MM * offset.offsets, offset.curve, color="#2b6cb0")
     ax.axvspan(MM * (offset.value - offset.half), MM * (offset.value + offset.half), alpha=0.25)
     ax.axvline(MM * offset.value, color="#c23b2e")
@@ -128,8 +132,8 @@ def flows(compared: Comparison) -> Drawing:
     """Return a drawing of four components of the film's affine flow [1/s] over time, beside those
     that the log's motion explains, for 12 s in the middle of the film.
     """
-    steps = compared.tracks.steps
-    known = regressors(compared.motion, steps, compared.offset.value)
+    steps = compared.fits.tracks.steps
+    known = regressors(compared.motion, steps, compared.fits.offset.value)
     fit = known @ np.linalg.lstsq(known, compared.flows, rcond=None)[0]
     times = steps.times[steps.first]
     middle = float(np.median(times))

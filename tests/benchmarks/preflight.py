@@ -191,27 +191,31 @@ def line_of(case, folder):
     begun = time.process_time()
     found = compared(case, folder)
     verdict = found.verdict
-    errors = true_robot(case).errors(found.mount)
+    errors = true_robot(case).errors(found.fits.mount)
     bad = [each for each in verdict.findings if not each.is_good]
     text = " || ".join(f"{each.what}: {each.found}" for each in bad)
     line = {
         "name": case.name,
         "seconds": time.process_time() - begun,
         "good": verdict.is_good,
-        "offset_ms": 1e3 * (found.offset.value - true_robot(case).offset),
-        "offset_half_ms": 1e3 * found.offset.half,
+        "offset_ms": 1e3 * (found.fits.offset.value - true_robot(case).offset),
+        "offset_half_ms": 1e3 * found.fits.offset.half,
         "errors": [*(1e3 * errors[:1]), *np.degrees(errors[1:4]), *(1e3 * errors[4:])],
         "halves": [
-            1e3 * found.mount.halves[0],
-            *np.degrees(found.mount.halves[1:4]),
-            *(1e3 * found.mount.halves[4:7]),
+            1e3 * found.fits.mount.halves[0],
+            *np.degrees(found.fits.mount.halves[1:4]),
+            *(1e3 * found.fits.mount.halves[4:7]),
         ],
-        "focal": found.mount.focal / case.focal - 1,
-        "depth": found.offset.depth,
-        "costs": [found.diagnosis.as_it_is.cost, found.diagnosis.best.cost, found.diagnosis.floor],
-        "share": found.diagnosis.best.share,
-        "scatter": found.mount.scatter,
-        "stray": found.mount.stray,
+        "focal": found.fits.mount.focal / case.focal - 1,
+        "depth": found.fits.offset.depth,
+        "costs": [
+            found.fits.diagnosis.as_it_is.cost,
+            found.fits.diagnosis.best.cost,
+            found.fits.diagnosis.floor,
+        ],
+        "share": found.fits.diagnosis.best.share,
+        "scatter": found.fits.mount.scatter,
+        "stray": found.fits.mount.stray,
         "has": [verdict.offset is not None, verdict.has_rotation, verdict.has_lever],
         "bad": text,
         "doubts": verdict.doubts,
