@@ -14,6 +14,10 @@ import pytest
 
 KEPT = Path(__file__).parents[1] / "data" / "approved"
 APPROVE = "SERVOBENCH_APPROVE"
+DIGITS = 9
+"""Digits of a number that are compared: the last of sixteen depend on the processor."""
+WHOLE = re.compile(r"-?\d+\.\d{10,}(e[+-]?\d+)?")
+"""A number in a text with all of its digits."""
 
 
 def as_json(value):
@@ -29,8 +33,10 @@ def as_json(value):
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float):
-        return float(f"{value:.9g}")
-    return value if isinstance(value, int | type(None)) else str(value)
+        return float(f"{value:.{DIGITS}g}")
+    if isinstance(value, int | type(None)):
+        return value
+    return WHOLE.sub(lambda found: f"{float(found[0]):.{DIGITS}g}", str(value))
 
 
 def difference(found, kept, tolerance, at=""):
