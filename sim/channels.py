@@ -4,11 +4,13 @@ The `Config` of a component (tracker, estimator, controller, ...) declares its c
 frozenset({Channel.TRUTH})`. The component receives their data by its method `see(view)`, which is
 called before its other methods that work on a picture; the `View` holds the declared channels only.
 The goal's picture and the ego motion are given to controllers and trackers as arguments instead.
+`GIVEN` says which channels the components of each section can declare.
 """
 
+from collections.abc import Set
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeGuard, cast, runtime_checkable
 
 from sim.types import Array, DepthPicture, Frame, Image, Truth
 
@@ -77,8 +79,15 @@ class View:
         )
 
 
+GIVEN = {
+    "tracker": frozenset({Channel.PICTURE, Channel.DEPTH, Channel.EGO_MOTION, Channel.TRUTH}),
+    **dict.fromkeys(
+        ("features", "estimator", "controller"), frozenset(Channel) - {Channel.EGO_MOTION}
+    ),
+}
+"""The channels that a component can be given, by the name of its section in a scenario."""
 VIEWED = frozenset({Channel.TRUTH, Channel.TRUE_MOTION, Channel.SEEN})
-"""Channels that reach a part by `see` alone."""
+"""Channels that reach a component by `see` alone."""
 
 
 @runtime_checkable
@@ -113,3 +122,35 @@ def needs_of(config: object, usual: Channels = frozenset()) -> Channels:
     declare in `needs`; if they have no `needs`, return `usual`.
     """
     return config.needs if isinstance(config, Declares) else usual
+
+
+def channels_fault(place: str, config: object) -> str:
+    """Return what is wrong with the channels that a component's settings declare in `needs`, as a
+    sentence: they are no set of channels, or components of their section are not given one of them;
+    "" if nothing is.
+
+    Args:
+        place: Name of the component's section in a scenario, such as "tracker"; a key of `GIVEN`.
+        config: The component's settings.
+    """
+    needs = needs_of(config)
+    if not _is_channels(needs):
+        return f"needs of its Config is {needs!r}, which is no set of servo.Channel members"
+    known = GIVEN[place]
+    unknown = needs - known
+    if unknown:
+        return (
+            f"its Config needs {_names(unknown)}, which the {place} is not given; it can have "
+            f"{_names(known)}"
+        )
+    return ""
+
+
+def _is_channels(value: object) -> TypeGuard[Channels]:
+    return isinstance(value, Set) and all(
+        isinstance(one, Channel) for one in cast(Set[object], value)
+    )
+
+
+def _names(channels: Channels) -> str:
+    return ", ".join(sorted(channel.name for channel in channels))

@@ -16,6 +16,7 @@ from servo.mistake import Mistake
 from servo.scenario.load import load
 from servo.testing import check_tracker
 from servo.types import Command, Prediction, Trace
+from sim.channels import Channel
 from sim.types import Pose
 from tracking.types import Estimate, State, Status, check_region, unknown_covariance
 
@@ -254,3 +255,60 @@ def test_a_run_that_failed_leaves_nothing_behind():
     abandoned = run(load("noise", SHORT))
     next(abandoned)
     np.testing.assert_array_equal(numbers(), before)
+
+
+def needing(place, needs):
+    """A part whose `Config` declares these channels, and which can take them."""
+    sees = type("Sees", (Still,), {"see": lambda self, view: None})
+    config = type("Needing", (Given,), {"needs": needs})
+    return {place: config(lambda rng: sees())}
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        (
+            needing("tracker", frozenset({Channel.TRUE_MOTION, Channel.SEEN, Channel.TRUTH})),
+            "still: tracker: its Config needs SEEN, TRUE_MOTION, which the tracker is not given; it "
+            "can have DEPTH, EGO_MOTION, PICTURE, TRUTH",
+        ),
+        (
+            needing("estimator", frozenset({Channel.EGO_MOTION})),
+            "still: estimator: its Config needs EGO_MOTION, which the estimator is not given; it can "
+            "have DEPTH, GOAL_PICTURE, PICTURE, SEEN, TRUE_MOTION, TRUTH",
+        ),
+        (
+            needing("tracker", {Channel.DEPTH}),
+            "still: the Config of a component needs DEPTH, the depth picture, and there is none: set "
+            "camera.depth = true, or give Frame.depth with a camera of your own",
+        ),
+        (
+            needing("controller", "depth"),
+            "still: controller: needs of its Config is 'depth', which is no set of servo.Channel "
+            "members",
+        ),
+        (
+            needing("tracker", [Channel.DEPTH]),
+            "still: tracker: needs of its Config is [<Channel.DEPTH: 'The depth picture of the "
+            "camera.'>], which is no set of servo.Channel members",
+        ),
+        (
+            needing("tracker", {"DEPTH"}),
+            "still: tracker: needs of its Config is {'DEPTH'}, which is no set of servo.Channel "
+            "members",
+        ),
+    ],
+)
+def test_data_that_a_component_is_not_given_is_refused(part, message):
+    with pytest.raises(Mistake) as refused:
+        list(run(dataclasses.replace(load("still", SHORT), **part)))
+    assert str(refused.value) == message
+
+
+def test_a_component_that_needs_what_only_see_delivers_has_this_method():
+    part = type("Needing", (Given,), {"needs": {Channel.TRUTH}})
+    blind = {"tracker": part(lambda rng: Still())}
+    with pytest.raises(
+        PartFailed, match=r"needs TRUTH, but it has no method see\(view\) to take that"
+    ):
+        list(run(dataclasses.replace(load("still", SHORT), **blind)))

@@ -88,7 +88,8 @@ class Law:
         return Channel.PICTURE in self.needs
 
     def check(self, *, depths: bool, true_motion: bool) -> None:
-        """Check that the data which feature set, estimator and controller need is available.
+        """Check that the data is available which tracker, feature set, estimator and controller
+        need.
 
         Args:
             depths: Whether the camera delivers depth pictures.
@@ -101,6 +102,11 @@ class Law:
         if Channel.DEPTH in self._scenario.sight.needs and not depths:
             raise ValueError(
                 'sight: plane or depth = "picture" needs a depth picture, and there is none: set '
+                "camera.depth = true, or give Frame.depth with a camera of your own"
+            )
+        if Channel.DEPTH in self._scenario.needs and not depths:
+            raise ValueError(
+                "the Config of a component needs DEPTH, the depth picture, and there is none: set "
                 "camera.depth = true, or give Frame.depth with a camera of your own"
             )
         if Channel.TRUE_MOTION not in self.needs:

@@ -15,7 +15,7 @@ from servo.mistake import Mistake
 from servo.parts import Controller, Estimator, FeaturesConfig
 from servo.sight.estimate_to_sight import SightConfig
 from sim.camera.camera import CameraConfig
-from sim.channels import Channel, Channels, needs_of
+from sim.channels import GIVEN, Channel, Channels, channels_fault, needs_of
 from sim.kinds import PartConfig, kind_of
 from sim.kinematics.robot import Design
 from sim.leader import LeaderConfig
@@ -221,9 +221,14 @@ class Setup:
             raise Mistake(f"{self.name}: {refusal}")
 
     def _refusal(self) -> str:
-        """Return a sentence that names the settings of a standing camera or of a leader (a second
-        tag that the motion moves) that contradict each other; "" if none do.
+        """Return a sentence that names the settings that cannot be: channels that a component is
+        not given, and settings of a standing camera or of a leader (a second tag that the motion
+        moves) that contradict each other; "" if all can be.
         """
+        for place in GIVEN:
+            fault = channels_fault(place, getattr(self, place))
+            if fault:
+                return f"{place}: {fault}"
         stands = self.camera.mounted == "world"
         number = self.leader.id
         if number is None:
