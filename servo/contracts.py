@@ -533,9 +533,9 @@ def check_built(place: str, built: object) -> None:
     Raises:
         BrokenContract: The component lacks a method that components of its section must have;
             properties of a feature set do not fit its names (see `check_names`); a controller has a
-            method `aim`, or a disturbance has no tuple `props`; a robot is no `Design`, or a target
-            no `Target`; or a target's outline is not the corners of a rectangle of one height (see
-            `outline_fault`).
+            method `aim`, which would not be called; a disturbance has no tuple `props`; a robot is
+            no `Design`, or a target no `Target`; or a target's outline is not the corners of a
+            rectangle of one height (see `outline_fault`).
     """
     kind = type(built).__name__
     for name in _checks_of(place, built):

@@ -200,7 +200,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
                     raise
                 if redrawn == self._redraw:
                     raise ImpossibleStart(
-                        f"{error} (redraw = {redrawn}: so many other seeds were tried too, and "
+                        f"{error} (redraw = {redrawn}: {redrawn} other seeds were tried too, and "
                         "none has a possible start; a larger redraw tries more)"
                     ) from error
             redrawn += 1

@@ -64,7 +64,7 @@ def _nothing(done: int, note: str = "") -> None:
 
 
 def in_notebook() -> bool:
-    """Return True if this process is the IPython kernel of a notebook."""
+    """Return True if this process is an IPython kernel, such as that of a notebook."""
     shell: Any = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     return shell is not None and getattr(shell, "kernel", None) is not None
 

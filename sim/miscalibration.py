@@ -209,9 +209,11 @@ class BelievedRobot:
 def as_believed(
     robot: Robot, design: Design, believed: BelievedConfig, rng: np.random.Generator | None
 ) -> Robot | BelievedRobot:
-    """Return a robot with the errors of calibration, encoders and backlash that `believed` and the
-    drives of `design` give; the given robot itself if all of them are zero. `rng` draws the noise
-    of the encoders (None: a generator with seed 0).
+    """Return a robot with the errors of the hand-eye pose and of the joint positions that
+    `believed` gives, and with the encoder errors and the backlash of the drives of `design`; the
+    given robot itself if all of these are zero. Other errors in `believed`, such as those of the
+    camera's intrinsics, have no effect here. `rng` draws the noise of the encoders (None: a
+    generator with seed 0).
     """
     d = design.drives
     errors = [np.ravel(each) for each in (d.encoder_noise, d.encoder_step, d.backlash)]

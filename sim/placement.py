@@ -70,7 +70,7 @@ def camera_above(
         heading: Direction in the world, from x towards y [rad].
         pixel: Desired projection of the point (2,) [px].
         theta: Desired direction of the heading in the image, from +u towards +v [rad].
-        depth: Distance along the optical axis [m].
+        depth: Distance of the point from the camera along the optical axis [m].
     """
     yaw = heading + _straightened(camera, pixel, theta)
     R = Pose.planar(0.0, 0.0, yaw).rotation @ DOWN

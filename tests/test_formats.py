@@ -72,8 +72,9 @@ def test_another_format_number_is_one_sentence(file, number, tmp_path):
     with pytest.raises(Mistake) as told:
         type(file).read(path)
     assert str(told.value) == (
-        f"{path}: this file {has}, and this version of servobench reads format {file.FORMAT}: run "
-        "the command that wrote it again, into a new folder, or read it with the version that wrote it"
+        f"{path}: this file {has}, and this version of servobench reads format {file.FORMAT}: repeat "
+        "the command that wrote it, into a new folder, or read it with the version that "
+        "wrote it"
     )
 
 

@@ -138,7 +138,7 @@ def test_a_drawn_start_that_cannot_be_is_drawn_again(monkeypatch):
     with pytest.raises(Mistake) as refused:
         made(redraw=0, **settings).reset(seed=7)
     assert str(refused.value) == (
-        f"{refusal} (redraw = 0: so many other seeds were tried too, and none has a possible start; a larger redraw tries more)"
+        f"{refusal} (redraw = 0: 0 other seeds were tried too, and none has a possible start; a larger redraw tries more)"
     )
     as_written = {"overrides": [*SHORT, "tracker.kind=truth", "start.x=5", "expect={}"], "vary": {}}
     with pytest.raises(Mistake) as refused:

@@ -236,15 +236,15 @@ BAD = {
     ),
     "half a file": (
         {"study.json": STUDY[:-9]},
-        "{}/study.json: this is not JSON; it may be half-written: run the command that wrote it again, into a new folder",
+        "{}/study.json: this is not JSON; it may be half-written: repeat the command that wrote it, into a new folder",
     ),
     "a value is missing": (
         {"papers.json": b'{"format": 1, "kind": "papers"}'},
-        "{}/papers.json: the content of this file is wrong: command: field required; run the command that wrote it again, into a new folder",
+        "{}/papers.json: the content of this file is wrong: command: field required; repeat the command that wrote it, into a new folder",
     ),
     "an empty bench": (
         {"study.json": json.dumps(json.loads(STUDY) | {"holds": "evaluate"}).encode()},
-        "{}: this folder has no finished runs; run the command that wrote it again",
+        "{}: this folder has no finished runs; repeat the command that wrote it",
     ),
     "papers that were stopped": (
         {"study.json": json.dumps(json.loads(STUDY) | {"holds": "papers"}).encode()},
@@ -283,7 +283,7 @@ def test_broken_pictures_and_recordings_are_mistakes(ran, tmp_path):
     (tmp_path / "run" / "run.rrd").write_bytes(whole[:100] + bytes(500))
     with pytest.raises(
         Mistake,
-        match=r"/run\.rrd: this recording is damaged: run the command that wrote it again, into a new folder$",
+        match=r"/run\.rrd: this recording is damaged: repeat the command that wrote it, into a new folder$",
     ):
         write([tmp_path / "run"], None)
 
@@ -299,8 +299,8 @@ def test_a_picture_of_a_recording_that_cannot_be_decoded_is_a_mistake(monkeypatc
     with pytest.raises(Mistake) as found:
         reader.pictures(Path("run.rrd"), 1)
     assert str(found.value) == (
-        "run.rrd: this recording is damaged (the picture of frame 3 cannot be decoded): run the "
-        "command that wrote it again, into a new folder"
+        "run.rrd: this recording is damaged (the picture of frame 3 cannot be decoded): repeat "
+        "the command that wrote it, into a new folder"
     )
 
 
@@ -336,8 +336,8 @@ def test_steps_without_a_column_of_a_run_are_a_mistake(ran, tmp_path, name, valu
     with pytest.raises(Mistake) as told:
         text_of(folder, tmp_path)
     assert str(told.value) == (
-        f"{folder}/steps.parquet: column '{name}' is missing or has no numbers: run the command "
-        "that wrote it again, into a new folder"
+        f"{folder}/steps.parquet: column '{name}' is missing or has no numbers: repeat the "
+        "command that wrote it, into a new folder"
     )
 
 

@@ -235,8 +235,8 @@ def test_too_few_open_files_are_named(monkeypatch):
     with pytest.raises(Refused) as refused:
         processes.check_workers(2)
     assert str(refused.value) == (
-        "the workers need 64 open files, and 60 are allowed: raise the limit (ulimit -n 64), or "
-        "use fewer --workers"
+        "the workers need 64 open files, and the hard limit is 60: use fewer --workers, or let "
+        "root raise this limit (ulimit -Hn 64)"
     )
     set_to = []
     monkeypatch.setattr(resource, "getrlimit", lambda _: (30, 64))

@@ -20,7 +20,7 @@ BAD = {
     ),
     "no choice": (
         STILL + "axes.controller.gain = { choice = [] }",
-        "axes.controller.gain.choice = []: expected a list of values",
+        "axes.controller.gain.choice = []: expected a list of at least one value",
     ),
     "too large a range": (
         STILL + "axes.start.x = { uniform = [-1e308, 1e308] }",

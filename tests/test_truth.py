@@ -270,8 +270,9 @@ def test_a_mask_of_vot_is_the_box_around_it(tmp_path, line, box):
     [
         (
             "m1,2,x,4",
-            "groundtruth.txt, line 1: 'm1,2,x,4' is not a mask of VOT: it should be m, then x, y, "
-            "width, height and the lengths of runs, all whole numbers separated by commas",
+            "groundtruth.txt, line 1: 'm1,2,x,4' is not a mask of VOT: after the m it should have "
+            "x, y, width, height and the lengths of runs, all whole numbers separated by commas, "
+            "such as m10,20,3,2,0,6",
         ),
         (
             "m1,2,3,4,5,9",

@@ -264,7 +264,10 @@ def test_a_file_of_stamps_gives_a_film_its_times(tmp_path):
             "the column time_s is empty, has an empty cell or does not increase: "
             "sort or correct its rows",
         ),
-        ([1.0, 2.0], "2 stamps for 3 pictures of {folder}"),
+        (
+            [1.0, 2.0],
+            "there are 2 stamps for 3 pictures of {folder}: give one stamp for each picture",
+        ),
     ],
 )
 def test_stamps_that_do_not_fit_are_refused(tmp_path, times, sentence):
@@ -293,7 +296,8 @@ def test_the_camera_is_that_of_the_calibration_or_of_a_field_of_view(tmp_path):
         with pytest.raises(Mistake) as caught:
             camera_for(given, *size)
         assert str(caught.value) == (
-            f"{path}: this calibration is for 640 x 480 px, and the film has {size[0]} x {size[1]}"
+            f"{path}: this calibration is for 640 x 480 px, and the film has {size[0]} x {size[1]} "
+            "px: give the calibration of this film"
         )
 
 

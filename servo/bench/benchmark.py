@@ -330,8 +330,9 @@ def parsed(
             consists of the settings that differ from that one's file.
         settings: Value of each setting when the benchmark was frozen, by dotted key; empty for a
             draft.
-        rendering: Digest of the first pictures of the published runs ("v1"); "" for a draft.
-        measures: Constants of the score, for the first versions only; later versions have these
+        rendering: Digest of the first picture of each published run ("v1"); "" for a draft, and for
+            a benchmark whose runs render no pictures.
+        measures: Constants of the score, for loop-v1 and servo-v1 only; all others have these
             constants in `settings`, so that the hash covers them.
     """
     # The file is ours, so its values have the types that a benchmark needs.

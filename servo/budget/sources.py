@@ -33,8 +33,9 @@ AT_REST = (DELAY, "lag", "play", "mount_translation", "depth")
 @dataclass(frozen=True, slots=True)
 class Source:
     """A source of error in an accuracy budget, such as a wrong focal length: its settings with
-    their ideal values, and the unit of its magnitude, which is `scale` times the settings'
-    deviation from ideal.
+    their ideal values ("resolution" has none), and the unit and usual value of its magnitude, which
+    is `scale` times the settings' deviation from ideal. If `signed`, each seed draws its sign or
+    direction; if `seen`, it acts through the tracker only.
     """
 
     name: str

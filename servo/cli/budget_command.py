@@ -1,5 +1,5 @@
-"""The command `servobench budget`: what each imperfection of a scenario contributes to its error at
-the end.
+"""The command `servobench budget`: what each source of error that a scenario has or could have,
+such as a wrong focal length, contributes to the error at the end of a run.
 """
 
 from collections.abc import Sequence

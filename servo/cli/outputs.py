@@ -65,7 +65,7 @@ class Outputs:
         Raises:
             Mistake: An option needs another option or a package, a file exists already, has a wrong
                 suffix or cannot be written.
-            Refused: The disk is full.
+            Refused: The disk is full or fails, or too many files are open.
         """
         needs = (
             ("--web", self.web, "--live", self.live),

@@ -61,12 +61,17 @@ PICTURES = 3600
 @dataclass(frozen=True, slots=True)
 class Given:
     """The options of the commands `preflight` and `twin` about a robot's log and the film of its
-    camera: the log, the film (`video`), the scenario whose robot has the log's joints, the camera's
-    calibration file or horizontal field of view (`fov` [deg]), its stated pose in the hand
-    (`mount`: x, y, z [m], roll, pitch, yaw [deg]) or only its distance from the hand's origin along
-    the optical axis (`along` [m]), its exposure and the delay of its last row [ms], the rate of a
-    folder of pictures [Hz], the image topic of a bag, a CSV of stamps, and when the film begins on
-    the log's clock (`begins` [s]). None: not given.
+    camera; None: not given.
+
+    `log` and `video` are the log and the film, `scenario` is one whose robot has the log's joints.
+    Of the camera there are its `calibration` file or horizontal field of view `fov` [deg], its
+    stated pose in the hand, `mount` (x, y, z [m], roll, pitch, yaw [deg]), or only its distance
+    `along` the optical axis from the hand's origin [m], its exposure, and the delay from its first
+    to its last row (`readout_ms`) [ms]; with `eye_to_hand` it stands still and films what the hand
+    carries. `rate` is that of a folder of pictures [Hz]; `topic`, `motion` and `commands` are the
+    topics of a bag with the pictures, the hand's motion and the commanded twists; `stamps` is a CSV
+    of the pictures' stamps, `begins` the time of the first picture on the log's clock [s], and
+    `tag_mm` the side of a tag that stands still in the film [mm].
     """
 
     log: Path
@@ -381,7 +386,7 @@ def camera_for(given: Given, width: int, height: int) -> Camera:
         if (camera.width, camera.height) != (width, height):
             raise Mistake(
                 f"{given.calibration}: this calibration is for {camera.width} x {camera.height} "
-                f"px, and the film has {width} x {height}"
+                f"px, and the film has {width} x {height} px: give the calibration of this film"
             )
         return camera
     focal = width / 2 / float(np.tan(np.radians(given.fov or ASSUMED) / 2))

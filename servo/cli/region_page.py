@@ -86,16 +86,16 @@ def select(
 
 
 def ask(image: Image, name: str) -> Box | None:
-    """Serve a page on 127.0.0.1 on which the user draws a region in a picture, open it where there
-    is a desktop, and wait for the answer.
+    """Serve a page on 127.0.0.1 on which the user draws a region in a picture, print its address on
+    stderr, open it in a browser where there is a desktop, and wait for the answer.
 
     Args:
         image: The picture, RGB (H, W, 3).
         name: The source's name, for the title.
 
     Returns:
-        The region before its rotation (left, top, width, height [px]) and the rotation about its
-        centre [deg]; None if the user cancelled.
+        Five numbers: left, top, width and height of the region before its rotation [px], and its
+        clockwise rotation about its centre [deg]; None if the user cancelled.
 
     Raises:
         Mistake: The user did not answer within 10 minutes.

@@ -21,6 +21,6 @@ class Config:
 
 @final
 class Nothing(Unfiltered):
-    """Estimator that returns the feature error as it was measured, and a rate of zero from the
-    target's own motion.
+    """Estimator that returns the measured feature error (0 for features that were not measured),
+    and zero for the rate that the target's own motion causes.
     """

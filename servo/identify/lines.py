@@ -21,7 +21,7 @@ UNTRUSTED = "not to be trusted"
 
 def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequence[str]) -> str:
     """Return TOML with the settings that make a simulated robot move as the real one, and with
-    their intervals as comments.
+    their 95 % intervals and the doubts as comments.
 
     Args:
         found: The estimates from the robot's log.

@@ -469,7 +469,8 @@ class Episode:
         )
 
     def advance(self, twist: Array | None = None) -> Advance:
-        """Advance the world by one frame interval, and return the camera's commanded motion in it.
+        """Advance the world by one frame interval, and return what happened in it: the mean of the
+        commanded camera twists, the joints at a limit, and the wall-clock time of the physics.
         `move` does the same, and stores the result in a step.
 
         Args:

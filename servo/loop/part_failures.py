@@ -102,7 +102,7 @@ class Part:
             method: Name of the component's method that raised it; "" for other code.
 
         Raises:
-            PartFailed: The exception is of another type.
+            PartFailed: The exception is none of these four.
         """
         if isinstance(error, (Mistake, *ENDS)):
             return

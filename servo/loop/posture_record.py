@@ -69,7 +69,8 @@ class PostureRecord:
 
     def paired(self, index: int) -> Posture:
         """Return the posture for the picture of a frame, with the camera pose at the time stamped
-        on the picture. Measured, accepted and commanded twists are means over the time since the
+        on the picture; if this time is before or after all stored frames, with the pose at the
+        nearest frame. Measured, accepted and commanded twists are means over the time since the
         frame of the previous call; in the first call they are as stored. Postures that later calls
         do not need are deleted.
 

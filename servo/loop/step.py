@@ -314,8 +314,9 @@ class Step:
 
     @property
     def tells_front_from_back(self) -> bool:
-        """Whether the features distinguish the target's front from its back: they change if the
-        target is turned by 180 degrees about its normal.
+        """Whether the features distinguish the target's nose from its rear: they change if the
+        target at its goal is turned by 180 degrees about its normal. True for features made of
+        pixels.
         """
         goal = self.goal_sight
         if goal.picture is not None:

@@ -20,7 +20,7 @@ LARGEST = 1_000_000_000
 ABSURD = 1e100
 """Largest number in a file; a larger one cannot be drawn."""
 Number = Annotated[float, Ge(-ABSURD), Le(ABSURD)]
-RUN_AGAIN = "run the command that wrote it again, into a new folder"
+RUN_AGAIN = "repeat the command that wrote it, into a new folder"
 HALF_WRITTEN = f"it may be half-written: {RUN_AGAIN}"
 """What to do about a file that is not as it was written, for messages."""
 T = TypeVar("T")

@@ -86,8 +86,8 @@ class Sinks:
             pass
 
     def end(self, reason: str) -> None:
-        """Abandon all sinks for a reason, such as "the disk is full"; `refused` keeps it, unless a
-        sink failed before.
+        """Abandon all sinks for a reason, such as "the disk is full". `refused` is then an error
+        that gives this reason, unless a sink failed before or there are no sinks.
         """
         for name in list(self._sinks):
             self._end(name, reason)

@@ -36,8 +36,8 @@ def group(records: Sequence[Record], **settings: object) -> list[Record]:
 
 
 def column(records: Sequence[Record], measure: str) -> Array:
-    """Return the value of a measure in each record (n,), in the measure's unit; nan if a record has
-    no value.
+    """Return the value of a measure in each record (n,), in the measure's unit; nan or inf where a
+    record has no value.
     """
     return np.array([r.measures[measure] for r in records])
 

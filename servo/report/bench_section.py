@@ -47,7 +47,7 @@ def section(folder: Path, study: StudyFile) -> Section:
     records = list(store.read(sorted(store.done), long=True))
     if not records:
         raise Mistake(
-            f"{folder}: this folder has no finished runs; run the command that wrote it again"
+            f"{folder}: this folder has no finished runs; repeat the command that wrote it"
         )
     ranks = ranking.ranked(records)
     best = ranks[0]

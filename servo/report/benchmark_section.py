@@ -162,8 +162,8 @@ def by_pictures(benchmark: Benchmark, rows: Sequence[Row]) -> dict[str, list[Row
     pictures: only results on the same pictures can be compared.
 
     If there are rows with the benchmark's own (frozen) pictures, their group is first. Rows without
-    pictures, such as those of the reference contestants, whose results define the scores 0 and 100,
-    are in each group. If no row has pictures, there is one group, "".
+    pictures, such as those of "still" and "truth" in a benchmark of trackers, whose results define
+    the scores 0 and 100, are in each group. If no row has pictures, there is one group, "".
     """
     seen = {row.rendering for row in rows} - {""} or {""}
     order = sorted(seen, key=lambda one: (one != benchmark.rendering, one))

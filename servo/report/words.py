@@ -109,8 +109,8 @@ def basis(interval: Interval, unit: str) -> str:
 
 
 def counted(interval: Interval | None, unit: str) -> str:
-    """Return the number of repetitions that a mean is over, with their noun, such as "7
-    recordings".
+    """Return, as text, the number of repetitions over which a mean is taken, and the noun for them:
+    "7 recordings" or "1 recording".
 
     Args:
         interval: The mean with this number; None counts as 0.

@@ -316,8 +316,8 @@ def _of_opencv(text: str, path: Path) -> list[tuple[str, object]]:
     # SystemError: OpenCV failed in its constructor, as it does on a file that is cut.
     except (cv2.error, SystemError, ValueError, OverflowError):
         raise Mistake(
-            f"{path}: OpenCV cannot read this file, though it begins as one of its own: write the "
-            "calibration again, or, for a YAML file of ROS, remove the line %YAML"
+            f"{path}: OpenCV cannot read this file, though it begins like a file of OpenCV: write "
+            "the calibration again, or, for a YAML file of ROS, remove the line %YAML"
         ) from None
 
 

@@ -120,7 +120,7 @@ def law_of(given: Table, at: str, counts: Mapping[str, int | None]) -> tuple[str
     law, numbers = next(iter(given.items()))
     count = counts[law]
     if not isinstance(numbers, list) or not numbers or len(numbers) != (count or len(numbers)):
-        what = f"{count} numbers" if count else "values"
+        what = f"{count} numbers" if count else "at least one value"
         raise Mistake(f"{at}.{law} = {numbers!r}: expected a list of {what}")
     if law == "choice":
         return law, tuple(numbers)

@@ -1,7 +1,8 @@
 """Finds the files of scenarios and studies, and the files (models, pictures, ...) that their
 settings name, and computes SHA-256 digests of the latter.
 
-A setting names a file if its type is `sim.ranges.File`.
+A setting names a file if its type is or contains `sim.ranges.File`, and a file or a folder if it is
+`sim.ranges.FileOrFolder`.
 """
 
 import functools

@@ -29,7 +29,9 @@ class SightConfig:
 
     The plane is parallel to the image, known from the robot's posture, fitted to the target's
     positions so far, or fitted to depth pictures. The depth comes from the target's size, from the
-    posture and the height of the table over the room's origin [m], or from depth pictures.
+    posture and the height of the table over the room's origin [m], or from depth pictures. If the
+    tracker measures the target's corners, plane and depth come from these instead; only the depth
+    may still come from depth pictures.
     """
 
     plane: Literal["parallel", "known", "estimated", "picture"] = "parallel"
@@ -97,19 +99,23 @@ class EstimateToSight:
         depth: DepthPicture | None = None,
     ) -> Sight | None:
         """Return the target as an estimate shows it: moments and corners in normalised image
-        coordinates, and plane and pose in the camera frame. An angle or a size that the tracker
-        does not follow, or states too uncertainly, is marked as not measured. The result is None if
-        the tracker does not see the target, its centre is too uncertain, or its corners are not the
-        picture of a rectangle of the target's size.
+        coordinates, and plane and pose in the camera frame. The result is None if the tracker's
+        status is not LOCKED, its centre is too uncertain, or its corners are not the picture of a
+        rectangle of the target's size.
+
+        An angle or a size that a tracker without corners does not follow, or states too
+        uncertainly, is marked as not measured; but a size that follows from the depth picture
+        counts as measured.
 
         Args:
             estimate: The tracker's estimate [px, rad]. If it has corners, plane and pose are
-                computed from them.
+                computed from them; only the distance may be that of the depth picture.
             posture: Pose, twist and joints of the robot when the picture was taken.
             goal: The desired view of the target, which is stored in the result.
             depth: Depth picture (H, W) [m]; used only if the settings take plane or depth from it.
-                If fewer than 20 pixels of the target have a depth, the target's size gives its
-                depth instead, and the plane is taken as parallel to the image instead.
+                If fewer than 20 pixels of the target have a depth, the target's size replaces it as
+                the source of the depth, and a plane parallel to the image (or that of the corners)
+                replaces the plane from it.
         """
         is_placed, is_turned, is_sized = certain(estimate, self._region)
         if estimate.status is not Status.LOCKED or not is_placed:

@@ -1,4 +1,4 @@
-"""The settings that a search changes, with the range or the values of each."""
+"""The settings that `servobench tune` searches, with the range or the values of each."""
 
 import re
 from collections.abc import Sequence

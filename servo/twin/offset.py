@@ -93,8 +93,8 @@ def regressors(motion: RobotMotion, steps: Tracks, offset: float) -> Array:
 
 
 def found(motion: RobotMotion, steps: Tracks, flows: Array, rng: np.random.Generator) -> Offset:
-    """Return the offset of a film's clock, from -1 to 1 s, with a 95 % interval by a bootstrap over
-    blocks of 2 s.
+    """Return the offset between the clocks of a film and of a robot's log, from -1 to 1 s, with a
+    95 % interval by a bootstrap over blocks of 2 s.
 
     Args:
         motion: The hand's motion.

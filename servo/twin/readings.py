@@ -276,7 +276,10 @@ def film(
             "or correct its rows"
         )
     if source.count is not None and source.count != len(times):
-        raise Mistake(f"{stamps}: {len(times)} stamps for {source.count} pictures of {text}")
+        raise Mistake(
+            f"{stamps}: there are {len(times)} stamps for {source.count} pictures of {text}: give "
+            "one stamp for each picture"
+        )
     return source, _stamped(source, times)
 
 

@@ -1,5 +1,5 @@
-"""The OpenGL context that all renderers of a process share, the thread that renders in it, and
-checks that this machine has OpenGL.
+"""The OpenGL context of a process: on Linux all renderers share one, in a thread of its own;
+elsewhere each thread that renders has its own. Also checks whether this machine has OpenGL.
 
 MuJoCo's wheel ships no OpenGL. Without it MuJoCo fails with messages that name the wrong cause, so
 this file checks first.

@@ -43,11 +43,14 @@ def folders_above(model: Path) -> list[Path]:
 
 def package_folder(model: Path, package: str, inside: str) -> Path | None:
     """Return the folder of the ROS package called `package` that contains the file `inside` (a
-    relative path), near a model file; None if there is none. Folders whose package.xml gives this
-    name come first, then those that are themselves called so.
+    relative path), near a model file; None if there is none.
 
     Searched are the folders above the model, the places in each of them where the package may lie
-    or be installed, and all folders up to two levels below the nearest four of them.
+    or be installed, and the folders up to two levels below the nearest four of them (at most 1000
+    in each, and no hidden ones). The result is the first whose package.xml gives the name
+    `package`, or that is itself called so and has no package.xml with a name. If there is none, it
+    is a folder above the model, or directly in one, that is called so though its package.xml gives
+    another name.
     """
     having = (folder for folder in _around(model, package) if is_file(folder / inside))
     own = next((folder for folder in having if _name_of(folder) == package), None)

@@ -101,10 +101,10 @@ def flanges(spec: mujoco.MjSpec) -> list[tuple[str, str, int]]:
     """Return the bodies and sites of a model that can be a robot's flange, those with the most
     joints first, each as "body" or "site", its name, and the number of joints that move it.
 
-    Bodies and sites are left out if they have no name, if a gripper moves them, or if fewer joints
-    move them than the hand, the last body of the longest chain before a gripper (or than six, if
-    more move the hand). A single moving part beyond the hand whose name is not that of a jaw stays:
-    it may be a link.
+    The hand is the last body of the longest chain of joints before a gripper. Bodies and sites are
+    left out if they have no name, if a gripper moves them, or if they are moved by fewer than six
+    joints and by fewer joints than the hand is. If a single part moves beyond the hand, and its
+    name is not that of a jaw, it is kept: it may be a link.
     """
     hand = _hand(spec)
     most = len(_joints(hand))

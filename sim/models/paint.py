@@ -128,8 +128,8 @@ def add_rectangles(
     Args:
         spec: The model, which is changed.
         name: Name of the mesh, its geom and its material.
-        corners: Corners of the rectangles (n, 4, 3) [m], counter-clockwise as seen from the visible
-            side.
+        corners: Corners of the rectangles (n, 4, 3) in the model's frame [m], counter-clockwise as
+            seen from the visible side.
         places: Texture coordinates of the corners, the same for all rectangles (4, 2) or for each
             (n, 4, 2): 0..1 from the picture's left and from its bottom; beyond 0..1 the picture is
             repeated.

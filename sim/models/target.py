@@ -74,8 +74,8 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
 
 def outline_site(spec: mujoco.MjSpec) -> Array | None:
     """Return the corners (4, 3) [m] of the reference rectangle that a site called `outline` in a
-    target's model gives, in the model's frame: rear left, front left, front right, rear right.
-    Return None if the model has no such site.
+    target's model gives, in the model's frame: rear left, front left, front right, rear right,
+    where the front is at +x and the left at +y. Return None if the model has no such site.
 
     Raises:
         ValueError: The site is not aligned with the model's axes.
@@ -87,7 +87,9 @@ def outline_site(spec: mujoco.MjSpec) -> Array | None:
     mujoco.mj_kinematics(model, data)
     site = data.site(OUTLINE)
     if not np.allclose(site.xmat, np.eye(3).ravel(), atol=1e-6):
-        raise ValueError(f"the site '{OUTLINE}' is turned: align it with the model's x and y")
+        raise ValueError(
+            f"the site '{OUTLINE}' is turned against the model: align its axes with the model's"
+        )
     length, width, _ = 2 * model.site(OUTLINE).size
     return rectangle(site.xpos.copy(), length, width)
 

@@ -21,8 +21,8 @@ def draw(
 
     Args:
         results: A table for each run with the name of its "tracker" and its curves: "success"
-            (21,), shares of frames whose overlap exceeds 0, 0.05 ... 1, and "precision" (51,),
-            shares of frames whose error is at most 0, 1 ... 50 px.
+            (21,), shares of frames whose overlap (intersection over union) exceeds 0, 0.05 ... 1,
+            and "precision" (51,), shares of frames whose centre error is at most 0, 1 ... 50 px.
         order: Names of the trackers in the order of the legend.
         title: Name of the suite of sequences.
         folder: Folder of the files.

@@ -200,8 +200,9 @@ class GuestProcess:
         self._close()
 
     def fail_ended(self, expected: str) -> NoReturn:
-        """End what is left of the program, and raise a ValueError that says that the program has
-        ended instead of sending its answer; `expected` names the answer, such as "a line of JSON".
+        """End what is left of the program, and raise a ValueError that says how the program has
+        ended, or that it closed its output, instead of sending its answer; `expected` names the
+        answer, such as "a line of JSON".
         """
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(GRACE)

@@ -149,10 +149,11 @@ def gradients(levels: Array) -> Levels:
 
 @compiled(error_model="numpy", fastmath=("contract",))
 def looked_up(response: Array, states: Array, centre: Array, step: float, outside: float) -> Array:
-    """Return the values (N,) of a map at the positions x, y of N states, by bilinear interpolation.
+    """Return the values (N,) of a map of filter outputs at the positions x, y of N states, by
+    bilinear interpolation.
 
     Args:
-        response: Map (R, C), whose middle R // 2, C // 2 is at `centre`.
+        response: Map (R, C), whose element in row R // 2 and column C // 2 is at `centre`.
         states: x, y [px], theta [rad], ln scale (N, 4); angle and scale are not used.
         centre: State (4,) at which the map was computed, whose angle and scale the map has.
         step: Distance of two neighbouring values of the map at scale 1 [px].

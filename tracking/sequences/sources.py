@@ -168,11 +168,12 @@ def timed(pictures: Iterable[Picture], rate: float) -> Iterator[Picture]:
 
 
 def images_in(folder: Path) -> list[Path]:
-    """Return the paths of a folder's image files, sorted by name with the numbers in names by
-    value; hidden files such as those of macOS are left out. An empty list: there are none.
+    """Return the paths of a folder's image files (those with a suffix such as .jpg), sorted by name
+    with the numbers in names by value; hidden files such as those of macOS are left out. An empty
+    list: there are none.
 
     Raises:
-        ValueError: The folder cannot be read.
+        ValueError: There is no such folder, or it cannot be read.
     """
     return [
         file

@@ -301,8 +301,9 @@ def _around_mask(line: str, place: str) -> Array:
         x, y, width, height, *runs = (int(part) for part in line.removeprefix("m").split(","))
     except ValueError:
         raise ValueError(
-            f"{place}: '{line[:LONGEST]}' is not a mask of VOT: it should be m, then x, y, width, "
-            "height and the lengths of runs, all whole numbers separated by commas"
+            f"{place}: '{line[:LONGEST]}' is not a mask of VOT: after the m it should have x, y, "
+            "width, height and the lengths of runs, all whole numbers separated by commas, such as "
+            "m10,20,3,2,0,6"
         ) from None
     reach = max(abs(x), abs(y))
     if reach > FARTHEST or max(width, height) > LARGEST_PICTURE or min(width, height, *runs) < 0:

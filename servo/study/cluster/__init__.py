@@ -1,5 +1,5 @@
 """Runs tasks in worker processes with Dask, on this machine or on an existing cluster. The import
-of this package raises a `Mistake` if Dask's files of settings cannot be read.
+of this package raises a `Mistake` if Dask's configuration files cannot be read.
 """
 
 from importlib import import_module

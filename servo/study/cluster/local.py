@@ -68,8 +68,8 @@ def _allow_files(needed: int) -> None:
         return
     if hard != resource.RLIM_INFINITY and hard < needed:
         raise Refused(
-            f"the workers need {needed} open files, and {hard} are allowed: raise the limit "
-            f"(ulimit -n {needed}), or use fewer --workers"
+            f"the workers need {needed} open files, and the hard limit is {hard}: use fewer "
+            f"--workers, or let root raise this limit (ulimit -Hn {needed})"
         )
     resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
@@ -81,7 +81,7 @@ def local(workers: int) -> Generator[Cluster]:
 
     Raises:
         Mistake: The machine cannot run so many workers.
-        Refused: The processes cannot be started.
+        Refused: The processes cannot be started, or may not open as many files as they need.
     """
     check_workers(workers)
     with silence():

@@ -349,15 +349,15 @@ def texel_steps(at: float, change: float, size: int) -> tuple[int, int]:
 
 @compiled(error_model="numpy")
 def line_in(level: Indices, s: float, t: float, ds: float, dt: float, count: int) -> Line:
-    """Return the line in a mipmap level of a texture along which neighbouring pixels of a row of
-    the picture lie: the level's offset, width and height; column and its change per pixel, row and
-    its change per pixel [1/65536 texel]; and whether the line leaves the level, so that the texture
-    is repeated.
+    """Return the line in a mipmap level of a texture on which the pixels of a row of the picture
+    lie: the level's offset, width and height [texel]; the first pixel's column and its change per
+    pixel, the first pixel's row and its change per pixel, both counted with the level's border
+    [1/65536 texel]; and whether the line leaves the level, so that the texture is repeated.
 
     Args:
         level: Offset in the array of all texels, width, height, number of levels (4,).
-        s: First texture coordinate (along the columns) of the first pixel, 0 to 1 over the texture.
-        t: Second texture coordinate (along the rows) of the first pixel, 0 to 1 over the texture.
+        s: Texture coordinate of the first pixel from left to right, 0 to 1 over the texture.
+        t: Texture coordinate of the first pixel from top to bottom, 0 to 1 over the texture.
         ds: Change of s from a pixel to the next.
         dt: Change of t from a pixel to the next.
         count: Number of pixels.
