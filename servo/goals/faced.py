@@ -86,8 +86,8 @@ class Faced:
             pictured: Camera with which the target's picture at the goal is computed.
             seen: Camera with which pixels of that picture are converted to normalised image
                 coordinates.
-            depth_factor: Factor on all depths of the desired sight, to test laws with wrong depths;
-                1 leaves them.
+            depth_factor: Factor on the depths of the target's plane in the desired view, to test
+                laws with wrong depths; 1 leaves them. It does not change the pose.
         """
         self._config = config
         self._outline = outline

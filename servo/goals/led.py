@@ -37,7 +37,8 @@ class Led:
             config: Number and size of the leader's tag, and the desired pose relative to it.
             outline: Corners (4, 3) of the held target's reference rectangle in its frame [m].
             camera: Intrinsics, as the robot believes them.
-            depth_factor: Factor on all depths, to test laws with wrong depths; 1 leaves them.
+            depth_factor: Factor on the depths of the target's plane in the desired view, to test
+                laws with wrong depths; 1 leaves them. It does not change the pose.
         """
         self._number = config.id
         self._beside = mount_pose(config.beside)

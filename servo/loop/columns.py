@@ -27,9 +27,9 @@ ROOM = 0
 
 class Columns:
     """Numbers of all steps of a run so far (a step is one frame), as columns: `columns[name]` is an
-    array (n, ...) with one row for each of n steps, for a name of `NUMBERS`. Besides, some whole
-    steps, without pictures: the first one (`first`), those of the last second (`final`), and the
-    last second of those whose tracker status was not LOST (`followed`).
+    array (n, ...) with one row for each of n steps, for a name of `NUMBERS`. They also hold some
+    whole steps, without pictures: the first one (`first`), those of the last second (`final`), and
+    the last second of those whose tracker status was not LOST (`followed`).
     """
 
     first: Step
@@ -63,8 +63,8 @@ class Columns:
         that are added later do not change it.
 
         Args:
-            name: A key of `NUMBERS`, or "other_picture": True for the steps whose estimate was made
-                from another picture than the estimate of the step before.
+            name: A key of `NUMBERS`, or "other_picture": True for the steps whose `Step.picture` is
+                another than that of the step before.
         """
         return np.frombuffer(self._rows, self._kind)[name]
 
@@ -120,8 +120,8 @@ def _tracking_angle(step: Step) -> float:
 
 
 def _range_used(step: Step) -> float:
-    """Return, for the joint nearest to a limit, its distance from mid-range over half its range: 0
-    (middle) to 1 (limit); 0 for a robot without limits.
+    """Return the largest distance of a joint with two limits from its mid-range, over half its
+    range: 0 (middle) to 1 (limit), above 1 beyond a limit; 0 if no joint has two limits.
     """
     p = step.posture
     limited = np.isfinite(p.lower) & np.isfinite(p.upper)

@@ -95,11 +95,13 @@ class Episode:
             renderer: Function that makes the renderer; None: the one that the camera's settings
                 name.
             steered: Whether `move` will be given twists that replace those of the law.
-            seen: Whether the caller uses the pictures. They are black if neither the caller nor the
-                loop does.
+            seen: Whether the caller uses the pictures. If neither the caller nor the loop uses
+                them, and neither depth pictures nor the target's visibility are needed, nothing is
+                rendered, and they are black.
             shows_goal: Whether to take the picture at the goal even if the loop does not need it.
             kept: Dictionary of robot and target of an earlier episode. This episode uses them again
-                if their settings are the same, and otherwise replaces them in the dictionary.
+                if their settings are the same; otherwise it stores its own there, except those that
+                drew random numbers.
         """
         check_type("scenario", scenario, Setup)
         self.scenario = scenario
@@ -181,8 +183,8 @@ class Episode:
 
     @contextmanager
     def _refusals(self, where: str = "", kind: type[Mistake] = Mistake) -> Generator[None]:
-        """Turn a ValueError in the block into an error whose message begins with the scenario's
-        name.
+        """Context manager: turn a ValueError in the block into an error whose message begins with
+        the scenario's name; a `PartFailed` passes unchanged.
 
         Args:
             where: Beginning of the message after the name, such as "start: ".
@@ -335,8 +337,9 @@ class Episode:
         self._timeline = Timeline(schedule, self.running, stream(scenario.run.seed, "transport"))
 
     def _true_motion(self, picture: int, begin: float, end: float) -> Array:
-        """Return the mean de/dt (k,) that the target's own motion causes between two times of the
-        run [s], for a camera whose pose relative to the target stays as it was in a picture.
+        """Return the mean de/dt (k,), in the features' units per second, that the target's own
+        motion causes between two times of the run, for a camera at rest that has, at the first
+        time, the pose relative to the target that it had in a picture.
 
         Args:
             picture: Number of that picture, from 0.
@@ -366,7 +369,11 @@ class Episode:
         """Advance the world by one frame interval.
 
         Args:
-            twists: Camera twists (n, 6) that act in it, one for each update of the drives.
+            twists: Camera twists (n, 6) in the camera frame [m/s, rad/s] that act in it, one for
+                each update of the drives.
+
+        Raises:
+            PartFailed: The simulated physics diverged.
         """
         began = perf_counter()
         try:
@@ -430,9 +437,10 @@ class Episode:
         return self._timeline.latest.decision.sight
 
     def _next_moment(self, index: int) -> Moment | None:
-        """Advance the world by one frame interval ahead of the loop, begin to render the next
-        picture, and return its moment, so that the loop works meanwhile. Do nothing and return None
-        if a command from the present picture could still act in that interval.
+        """Advance the world by one frame interval ahead of the loop, unless it is ahead already,
+        begin to render the next picture, and return its moment, so that the loop works meanwhile.
+        Do nothing and return None if a command from the present picture could still act in that
+        interval, or the present frame is the last one.
 
         Args:
             index: Number of the present frame, from 0.

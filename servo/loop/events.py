@@ -36,10 +36,11 @@ STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED:
 
 
 def events(before: Step | None, step: Step) -> list[Event]:
-    """Return what changes at a step (one frame) against the step before: the status of the tracker,
-    whether there is a picture, the mode of the controller, whether a limit slows the camera,
-    whether the tracker's size is refused, and whether the camera cannot keep the whole target in
-    view. The list is empty if nothing changes.
+    """Return the events of a step (one frame), by comparison with the step before: the tracker's
+    status changes, the camera stops delivering pictures, the controller enters a mode other than
+    SERVOING (not reported without a picture), a limit begins or ceases to slow the camera, the
+    tracker's size begins to be refused, or the camera begins to be unable to keep the whole target
+    in view. The list is empty if none of these happens.
 
     Args:
         before: The previous step; None for the first step, which is compared with a target that is

@@ -63,7 +63,8 @@ def check_frame(frame: Frame, camera: Camera) -> None:
     width, its depth picture, if there is one, (height, width) of floats, and its time finite.
 
     Raises:
-        ValueError: A picture has another shape or type, or the time is not finite.
+        ValueError: The argument is no `Frame`, a picture has another shape or type, or the time is
+            not finite.
     """
     check_type("frame", frame, Frame)
     check_picture("frame", frame.image, camera)
@@ -111,7 +112,8 @@ def _type_of(values: object) -> str:
 
 def check_posture(posture: Posture) -> None:
     """Check the types, shapes and numbers of the posture that a robot reports. Infinite joint
-    limits are allowed, and so are infinite or nan elements of the Jacobian.
+    limits are allowed, and so are infinite or nan elements of the Jacobian. The limits of joint
+    rates and the commands `under_way` are not checked.
 
     Raises:
         ValueError: An object has the wrong type, an array the wrong shape, another number is not

@@ -47,7 +47,8 @@ class Law:
             draws: Random generators by name: "estimator" and "controller".
 
         Raises:
-            PartFailed: A component cannot be built.
+            PartFailed: A component's code raised an exception, or a component breaks its contract.
+            Mistake: A component's settings refused themselves with a ValueError.
         """
         self._scenario = scenario
         self._camera = camera
@@ -88,8 +89,8 @@ class Law:
         return Channel.PICTURE in self.needs
 
     def check(self, *, depths: bool, true_motion: bool) -> None:
-        """Check that the data is available which tracker, feature set, estimator and controller
-        need.
+        """Check that depth pictures and the target's true motion are available if the settings of
+        sight, tracker, feature set, estimator or controller need them.
 
         Args:
             depths: Whether the camera delivers depth pictures.
@@ -174,7 +175,7 @@ class Law:
             sight: The target as it is seen in this picture: moments, corners, plane and pose in the
                 camera frame; None if it is not seen.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
-            interval: Time since the previous picture that the tracker took [s].
+            interval: Time since the frame of the previous call [s].
             view: Function that takes the kinds of additional data (channels) that a component
                 declares, and returns these data for this picture.
 
@@ -201,7 +202,7 @@ class Law:
             command: The command after this picture; its `trace` has the features' errors and the
                 camera's part of their rates.
             sight: View of the target in this picture; None if the target is not seen.
-            interval: Time since the previous picture that the tracker took [s].
+            interval: Time since the frame of the previous call [s].
         """
         trace = command.trace
         if trace is None or sight is None:

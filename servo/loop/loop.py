@@ -41,8 +41,9 @@ class TrueMotion(Protocol):
         target's own motion changes them between two times of the run.
 
         Args:
-            picture: Number of a picture, from 0. The camera is assumed to keep the pose relative to
-                the target that it had in this picture, until the target moves in the interval.
+            picture: Number of a picture, from 0. The camera is assumed to have, at the beginning of
+                the interval, the pose relative to the target that it had in this picture, and to
+                stand still during the interval.
             begin: Beginning of the interval [s].
             end: End of the interval [s].
         """
@@ -51,8 +52,8 @@ class TrueMotion(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What the tracker reports on a picture: its estimate (the previous one, if the camera
-    delivered no picture), the time since the previous picture [s], and the wall-clock time that it
+    """What the tracker reports on a frame: its estimate (the previous one, if the camera delivered
+    no picture), the time since the previous frame [s], and the wall-clock time that the tracker
     took [s]; for a policy, a controller that uses pictures, also its command, whose time is
     included.
     """
@@ -60,7 +61,8 @@ class Observation:
     frame: Frame
     estimate: Estimate
     interval: float
-    """Time since the previous picture [s]."""
+    """Time since the frame of the previous call of `track` [s]; in the first call, the frame
+    interval."""
     seconds: float
     """Wall-clock time of the tracker, and of a policy if there is one [s]."""
     command: Command | None = None
@@ -70,15 +72,15 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What the control law returns for a picture: the estimate and the view of the target from
-    which it was computed, the command, the measured rate (k,) at which the target's own motion
-    changed the k features, in their units per second, and the law's wall-clock time [s].
+    """What the control law returns for a picture: the command, the estimate and the view of the
+    target from which the command was computed, the measured rate (k,) at which the target's own
+    motion changed the k features, in their units per second, and the law's wall-clock time [s].
     """
 
     estimate: Estimate
     """The tracker's estimate."""
     sight: Sight | None
-    """Sight of the target; None if it was not seen."""
+    """View of the target; None if the target was not seen, or the goal was not known."""
     command: Command
     motion_measured: Array
     """de/dt (k,) caused by the target's own motion since the previous picture: the difference of
@@ -110,8 +112,9 @@ class Loop:
                 `camera`.
 
         Raises:
-            PartFailed: A component cannot be built.
-            ValueError: An argument has the wrong type or value.
+            PartFailed: A component's code raised an exception, or a component breaks its contract.
+            ValueError: An argument has the wrong type or value, or a component's settings refused
+                themselves.
         """
         check_setup(scenario, camera, outline)
         self.scenario = scenario
@@ -123,8 +126,8 @@ class Loop:
         self.perception = Perception(scenario, camera, outline, draws["tracker"])
         self._draws = [(each, each.bit_generator.state) for each in draws.values()]
         self.latest: Callable[[], Running | None] = lambda: None
-        """Returns the run that was started last, if it still exists: only this run may use the
-        components."""
+        """Function that returns the run that was started last, the only one that may use the
+        components; None if there is none or it no longer exists."""
         true = true or camera
         self._pictured = camera if scenario.believed.goal == "computed" else true
         self._seen = true if scenario.believed.goal == "pose" else camera
@@ -150,8 +153,8 @@ class Loop:
             frame: The first picture.
             region: Width and height of the target's rectangle in that picture [px].
             state: Position [px], angle [rad] and scale of the target in that picture. If the target
-                is a tag, its outline the black square, and the tracker "tag", a square that is
-                detected near the given one replaces region and state.
+                is a tag whose outline is its black square, and the tracker is "tag", a square that
+                is detected near the given one replaces region and state.
             goal: The camera's picture (H, W, 3) at the goal, for features made of pixels and for
                 policies (controllers that use pictures); None if neither is used.
             true_motion: Function that returns the target's true motion, for an estimator that needs
@@ -163,7 +166,7 @@ class Loop:
             The run; its `step` takes this picture first.
 
         Raises:
-            PartFailed: A component raised an exception.
+            PartFailed: A component raised an exception, or returned an invalid value.
             ValueError: An argument has the wrong type or size, the tracker refuses the region, a
                 setting does not fit the features, data that a component needs is missing, the
                 leader's tag (which the goal is relative to) is not seen, or the goal moves although
@@ -185,7 +188,8 @@ class Loop:
         each picture. With a picture (H, W, 3) at the goal, it has that picture too.
 
         Raises:
-            ValueError: The picture does not fit the camera, or the goal moves.
+            ValueError: The picture does not fit the camera, or the goal moves although there is a
+                picture of it.
         """
         s = self.scenario
         factor = s.believed.depth_factor
@@ -242,7 +246,7 @@ class Running:
                 "correct leader.id"
             )
         self.goal_sight = first
-        """The desired sight at the time of the last picture."""
+        """The desired view of the target for the last picture for which the goal was known."""
         self._law.start(first, self._frames_late)
         unknown = np.full(len(self._law.features.names), np.nan)
         self.decision = Decision(self._estimate, None, Command(np.zeros(6)), unknown, 0.0)
@@ -266,7 +270,8 @@ class Running:
             posture: Camera pose, twist and joints of the robot at the time of the picture.
 
         Raises:
-            PartFailed: A component raised an exception, or returned an invalid value.
+            PartFailed: A component raised an exception, or returned an invalid value; or no feature
+                can be measured from what the tracker follows.
             ValueError: The frame is not later than that of the previous call, frame or posture has
                 a wrong type, shape or number, or the loop was started again.
             Mistake: The goal is tilted, and the tracker reports no corners.
@@ -285,7 +290,8 @@ class Running:
             posture: Camera pose, twist and joints of the robot at the time of the picture.
 
         Raises:
-            PartFailed: The tracker or a policy raised an exception, or returned an invalid value.
+            PartFailed: The tracker or a policy raised an exception, or returned an invalid value;
+                or no feature can be measured from what the tracker follows.
             ValueError: The frame is not later than that of the previous call, frame or posture has
                 a wrong type, shape or number, or the loop was started again.
             Mistake: The goal is tilted, and the tracker reports no corners.
@@ -349,8 +355,9 @@ class Running:
         return self.decision
 
     def _sight(self, frame: Frame, estimate: Estimate, posture: Posture) -> Sight | None:
-        """Return the view of the target in a picture; None if the target is not seen. If pixels are
-        servoed, return the desired view with the current picture in place of the goal's.
+        """Return the view of the target in a picture; None if the target is not seen. If the law
+        uses pictures, return the desired view with the current picture in place of the goal's, or
+        None if the camera delivered no new picture.
         """
         goal = self.goal_sight
         if not frame.fresh:
@@ -361,12 +368,12 @@ class Running:
         return replace(goal, picture=picture, goal=goal)
 
     def _motion_while(self, frame: Frame, interval: float, acts: float | None) -> Array | None:
-        """Return the target's true de/dt (k,) over the features' scales [1/s] while the next
-        command acts; None if no component needs it.
+        """Return the mean true de/dt (k,) that the target's own motion causes while the next
+        command acts, divided by the features' scales [1/s]; None if no component needs it.
 
         Args:
             frame: The picture.
-            interval: Time since the last picture, for which the command acts [s].
+            interval: Time since the previous frame, and assumed duration of the command [s].
             acts: Time of the run at which the command begins to act [s]; None: the scenario's
                 latency after the picture.
         """
@@ -386,9 +393,9 @@ class Running:
     def _view(
         self, frame: Frame, sight: Sight | None, motion: Array | None
     ) -> Callable[[Channels], View]:
-        """Return a function that returns, from the channels that a component needs, a `View` with
-        their data at the time of a frame: picture, true poses, true motion, whether the target is
-        seen.
+        """Return a function that takes the channels that a component needs, and returns a `View`
+        with their data at the time of a frame: picture, depth picture, true poses, true motion, and
+        whether the target is seen.
         """
 
         def view(needs: Channels) -> View:

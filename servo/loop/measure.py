@@ -18,11 +18,12 @@ class Measure:
     meaning: str
     """What is measured, in a few words."""
     counted: bool = False
-    """Whether only the steps from measure.after on count; no value where the run ends before."""
+    """Whether only the steps from measure.after on count; the value is nan if the run ends before
+    that time."""
     share: bool = False
     """Whether it is a share of the frames [%]."""
     exact: bool = False
-    """Whether it is exactly 0 in a good run, although it is not a share: there is no rounding."""
+    """Whether a good run gives exactly 0, without a rounding error, although it is not a share."""
     signed: bool = False
     """Whether it may be below 0."""
     of_joints: bool = False
@@ -196,8 +197,9 @@ MEASURES = {
         ),
     )
 }
-"""All measures of a run's steps, by name. Those of `tracking` use each estimate once, however long
-a slow tracker lets it stand; those that are not `counted` cover the whole run.
+"""All measures of a run's steps, by name. Those whose names begin with "tracking" use only steps
+with `Step.decided`, so that an estimate counts once however long a slow tracker lets it stand.
+Those that are not `counted` do not depend on measure.after.
 """
 COUNTED = tuple(name for name, measure in MEASURES.items() if measure.counted)
 """The measures that count from measure.after on."""
@@ -208,7 +210,8 @@ OF_POSE = ("end_position_mm", "end_rotation_deg", "retreat_m")
 
 
 def pose_measures(features: int) -> tuple[str, ...]:
-    """Return the measures that are among the first shown of a run with this number of features:
-    those of the camera's pose if there are as many features as determine it, else none.
+    """Return the names of the measures of the camera's pose that are shown among the first ones of
+    a run: `OF_POSE` if the number of its features is at least 6, which determine the pose; else
+    none.
     """
     return OF_POSE if features >= len(DOF) else ()

@@ -45,7 +45,8 @@ class Perception:
             rng: Random generator of the tracker.
 
         Raises:
-            PartFailed: The tracker cannot be built.
+            PartFailed: The tracker's code raised an exception, or the tracker breaks its contract.
+            Mistake: The tracker's settings refused themselves with a ValueError.
         """
         self._scenario = scenario
         self._camera = camera
@@ -54,7 +55,8 @@ class Perception:
         built = part.build(rng)
         self.tracker: Tracker = part.guarded(built)
         self.needs = needs_of(scenario.tracker, SEES_PICTURES)
-        """The channels that the tracker declares."""
+        """The channels (kinds of data) that the tracker's settings declare; `SEES_PICTURES` if they
+        declare none."""
         self._viewer = part.guarded(built) if isinstance(built, Sees) else None
         marker = marker_of(scenario.target)
         is_marker = marker is not None and marker.is_outline(outline)
@@ -84,7 +86,7 @@ class Perception:
 
         Raises:
             PartFailed: The tracker raised an exception.
-            ValueError: The tracker refuses the region.
+            ValueError: The tracker refuses the region or the picture.
         """
         if self._finder is not None:
             region, state = self._finder.outline(frame, region, state)
@@ -106,9 +108,11 @@ class Perception:
         self._carried = np.zeros(4)
         self._waited = 0.0
         self.has_reported = False
-        """Whether the tracker has reported what it follows, with its first locked estimate."""
+        """Whether `track` has returned an estimate with the status LOCKED; the first one says what
+        the tracker follows."""
         self.by_corners = False
-        """Whether the tracker has reported corners."""
+        """Whether the first estimate of `track` with the status LOCKED had corners; False before
+        that estimate."""
         return self._estimate
 
     def track(
@@ -151,10 +155,12 @@ class Perception:
         self, frame: Frame, estimate: Estimate, posture: Posture, goal: Sight
     ) -> Sight | None:
         """Return the target as an estimate shows it (moments and corners in normalised image
-        coordinates, plane and pose in the camera frame); None if the target is not seen, its centre
-        is too uncertain, or its corners fit no rectangle of its size. An angle or a size that the
-        tracker does not follow or states too uncertainly, and a size that is impossible, are marked
-        as not measured.
+        coordinates, plane and pose in the camera frame); None if the status is not LOCKED, the
+        centre is too uncertain, or the corners fit no rectangle of the target's size.
+
+        In the view of a tracker without corners, an angle or a size that the tracker does not
+        follow or states too uncertainly, and a size that is impossible, are marked as not measured;
+        but a size that follows from the depth picture counts as measured.
 
         Args:
             frame: The picture of the estimate; only its depth picture is used, if it has one.

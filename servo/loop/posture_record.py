@@ -1,5 +1,5 @@
 """Record of the robot's postures: it returns, for each picture that the tracker takes, the posture
-at the time that is stamped on the picture.
+at that frame, with the camera pose at the time that is stamped on the picture.
 """
 
 from dataclasses import replace

@@ -25,8 +25,8 @@ CONVERGED_PX = 10.0
 """Largest servo error in the last part of a run that still counts as holding the target."""
 CONVERGED_RAD = np.radians(20.0)
 CONVERGED_SCALE = 0.25
-"""The same of angle and tilt, and of size, where the features servo them: `six_motion` lags by up
-to 14 deg, and `bad_init` keeps the fifth by which its region is too large."""
+"""The same for angle and tilt, and for size, where they are servoed. Two shipped scenarios need so
+much: `six_motion` lags by up to 14 deg, and the region of `bad_init` is a fifth too large."""
 
 OFF_UNITS = {"centre": "px", "angle": "deg", "size": "%", "orientation": "deg"}
 """Units of what may be too far from the goal."""
@@ -67,10 +67,13 @@ class Summary:
     measures: dict[str, float]
     """Values by name, in the order of `MEASURES`; infinite or nan where there is none."""
     limits: tuple[str, ...] = ()
-    """The joints whose limits were hit in the end, where this is the outcome; those whose ranges
-    ended before the target was lost."""
+    """The limits of joints, such as "elbow (range)", that were hit. With the outcome LIMIT_HIT: all
+    in the last second. With CONVERGED: none. With another outcome: only ends of ranges, in the last
+    second in which the target was not lost."""
     off: tuple[str, ...] = ()
-    """What was too far from the goal in the end, such as "angle 27 deg", where time ran out."""
+    """The servoed quantities that were too far from the goal in the last second, each with its
+    largest distance from the goal, such as "angle 27 deg"; none unless the outcome is
+    TIMED_OUT."""
 
 
 def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: float) -> Summary:
@@ -138,7 +141,7 @@ def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: fl
 
 def timed(run: Columns) -> Array:
     """Return the wall-clock times (n, 4) [s] of rendering, tracker, control law and physics in the
-    n steps in which the tracker was called; in all steps if it was never called.
+    n steps whose `Step.tracked` is True (the tracker was called); in all steps if there are none.
 
     A slow tracker is called in few steps, so a median over all steps would not show its time.
     """
@@ -167,8 +170,8 @@ def _rms(values: Array) -> float:
 
 
 def _velocities(carried: Array, period: float) -> Array:
-    """Return, for each frame (n, 3), the mean velocity over the frame interval before it of what
-    the robot carries (camera or target), in the world frame [m/s]; zero for the first frame.
+    """Return the mean velocities (n, 3) in the world frame [m/s] of what the robot carries (camera
+    or target), over the frame interval before each of n frames; zero for the first frame.
 
     In the frame of a turning camera even a constant velocity would change.
 
@@ -226,8 +229,8 @@ def _longest(flags: NDArray[np.bool_]) -> int:
 
 
 def _settling_time(times: Array, servo: Array, turned: Array, grown: Array) -> float:
-    """Return the time of the run from which on all errors stay below 2 px, 1 degree and 2 % of size
-    until its end [s]; inf if some error is not below them at the end.
+    """Return the time of the run from which on all errors stay within 2 px, 1 degree and 2 % of
+    size until its end [s]; inf if some error is not within them at the end.
 
     Args:
         times: Times (n,) [s].
@@ -317,8 +320,8 @@ def _worst_off(steps: Sequence[Step]) -> tuple[str, ...]:
 
 
 def _servo_angles(apart: Array, last: Step) -> Array:
-    """Return angle errors (n,) [rad], wrapped to a full turn if the features distinguish the
-    target's front from its back, otherwise to half a turn.
+    """Return angle errors (n,) [rad], wrapped to -pi..pi if the features distinguish the target's
+    nose from its rear, otherwise to -pi/2..pi/2.
 
     Args:
         apart: True minus desired angles of the target (n,), not wrapped [rad].
@@ -337,7 +340,8 @@ def _path_measures(places: Array, last: Step) -> dict[str, float]:
     retreat and advance [m], and the distances of its end from the goal [mm, deg].
 
     Args:
-        places: Positions of the camera (n, 3) in the target's frame [m], one for each step.
+        places: Positions of the camera (n, 3) in the frame of the target's reference rectangle,
+            whose origin is the rectangle's centre [m]; one for each step.
         last: The last step, which has the goal.
     """
     goal = last.T_object_goal

@@ -187,7 +187,11 @@ class MeasureConfig:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """All settings of a run: its name, and one field for each section of a scenario file."""
+    """All settings of a run: its name, and one field for each section of a scenario file.
+
+    Raises:
+        Mistake: Settings contradict each other, or a component declares data that it is not given.
+    """
 
     name: str
     run: RunConfig
@@ -221,9 +225,9 @@ class Setup:
             raise Mistake(f"{self.name}: {refusal}")
 
     def _refusal(self) -> str:
-        """Return a sentence that names the settings that cannot be: channels that a component is
-        not given, and settings of a standing camera or of a leader (a second tag that the motion
-        moves) that contradict each other; "" if all can be.
+        """Return a sentence that says what is wrong with the settings: a component declares
+        channels (kinds of data) that it is not given, or settings of a standing camera or of a
+        leader (a second tag that the motion moves) contradict others; "" if nothing is wrong.
         """
         for place in GIVEN:
             fault = channels_fault(place, getattr(self, place))

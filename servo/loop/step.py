@@ -17,7 +17,8 @@ from tracking.types import Estimate, Region, State, Status
 DOF = 6
 HALF_TURN = Pose.planar(0.0, 0.0, np.pi)
 ROUNDING = 1e-6
-"""Errors of features below it are rounding: those of a half turn are of the size of the target."""
+"""Largest error of a feature that counts as rounding; a half turn of the target gives errors of the
+size of the target."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +28,8 @@ class Seconds:
     """
 
     render: float
-    """Time spent waiting for the picture and starting the next one, most of which is rendered while
-    the loop works."""
+    """Time spent waiting for this frame's picture and starting to render the next one [s]; most of
+    the rendering goes on while the loop works."""
     track: float
     control: float
     physics: float
@@ -106,7 +107,8 @@ class Step:
     frame: Frame
     truth: Truth
     target_before: Pose
-    """T_world_target one frame interval ago."""
+    """T_world_target one frame interval ago; if the robot holds the target, as `World.target_at`
+    defines it."""
     goal: Truth
     """The truth with the target at its goal, for the same pose of the camera."""
     goal_sight: Sight
@@ -114,28 +116,32 @@ class Step:
     estimate: Estimate
     """The tracker's latest estimate."""
     truth_estimated: Truth
-    """The truth at the time of the picture from which this estimate was made."""
+    """The truth at the time of the frame `picture`, to which this estimate belongs."""
     picture: int
-    """Number of that picture, from 0."""
+    """Number, from 0, of the frame whose picture gave this estimate, or of a later frame without a
+    picture, for which the tracker's estimate was repeated."""
     decided: bool
-    """Whether estimate and command are new since the previous frame."""
+    """Whether the law computed the command in the frame interval that begins with this frame; if
+    not, command and estimate are those of the previous step."""
     age: float
-    """Time from that picture to its estimate [s]."""
+    """Time from the frame `picture` until its estimate was ready [s]."""
     skipped: int
     """Number of pictures since the run began that the tracker skipped because it was busy."""
     command: Command
-    """The law's latest command."""
+    """The law's latest command; if the caller of `Episode.move` replaced its twist, with that
+    twist."""
     motion_measured: Array
-    """de/dt (k,) of the target's own motion, measured between the last two pictures that the
-    tracker took; nan for features that were not measured in both.
+    """de/dt (k,) of the target's own motion, in the features' units per second, measured between
+    the last two pictures that the tracker took; nan for features that were not measured in both.
     """
     bodies: Array
-    """Poses (n, 3, 4) of the world's moving bodies, [R | t], in the order of `World.moving`."""
+    """Poses (n, 3, 4) in the world, [R | t] [m], of all bodies of the scene except the fixed world
+    body, in the order of `World.moving`."""
     rates: Array
     """Joint velocities (n,) at the time of the frame [m/s or rad/s]."""
     twist_acting: Array
-    """Commanded camera twist (6,) that acts until the next frame [m/s, rad/s]; the mean, if the
-    command changes in between.
+    """Commanded camera twist (6,) in the camera frame that acts until the next frame [m/s, rad/s];
+    the mean, if the command changes in between.
     """
     posture: Posture
     """The robot's exact posture at the time of the frame; the law is given the believed one."""
@@ -238,23 +244,23 @@ class Step:
 
     @property
     def features(self) -> Array:
-        """Features s (k,) as last measured, in their own units; all nan if the controller uses no
-        features.
+        """Features s (k,) as last measured, in their own units; all nan before the law's first
+        command, and if the controller uses no features.
         """
         return self._unknown if self.command.trace is None else self.command.trace.features
 
     @property
     def error(self) -> Array:
-        """Feature error e = s - s* (k,) as last measured, in the features' units; all nan if the
-        controller uses no features.
+        """Feature error e = s - s* (k,) as last measured, in the features' units; all nan before
+        the law's first command, and if the controller uses no features.
         """
         return self._unknown if self.command.trace is None else self.command.trace.error
 
     @property
     def prediction(self) -> Prediction:
-        """The estimator's prediction in this frame (feature error, rate of the features from the
-        target's own motion, innovation), in the features' own units; all nan if the controller uses
-        no features, as a policy.
+        """The estimator's latest prediction (feature error, rate of the features from the target's
+        own motion, innovation), in the features' own units; all nan before the law's first command,
+        and if the controller uses no features (a policy).
         """
         trace = self.command.trace
         if trace is not None:
@@ -267,9 +273,9 @@ class Step:
 
     @property
     def servoed(self) -> tuple[bool, bool]:
-        """Two flags: whether the target's angle is servoed, and whether its size is. It is if a
-        feature needs it, the tracker follows it, the robot's joints can change that feature, and,
-        for the size, the loop does not refuse the tracker's value as impossible.
+        """Two flags: whether the target's angle is servoed, and whether its size is. A quantity is
+        servoed if the tracker follows it or reports corners, and a feature that the robot's joints
+        can change needs it; the size only while the loop does not refuse it as impossible.
         """
         estimate = self.estimate
         follows = np.array(estimate.follows) | (estimate.corners is not None)

@@ -3,8 +3,9 @@ resulting command acts.
 
 A picture arrives at the tracker up to `run.jitter_ms` after it was taken. A tracker that is not
 busy takes the newest picture that has arrived. Its estimate is ready `run.tracker_ms` later, and
-pictures that arrive in between are skipped, except for the newest. A frame without a picture takes
-the tracker no time, and is used only if there is no picture. The law runs once for each estimate.
+pictures that arrive in between are skipped, except for the newest. The first picture, whose
+estimate is given, takes the tracker no time. Neither does a frame without a picture, which is used
+only if no picture has arrived. The law runs once for each estimate.
 Its command acts `run.latency` frame intervals or `run.latency_ms` later, from the next update of
 the drives on; until then the robot follows the previous command.
 """
@@ -208,9 +209,9 @@ class Timeline:
         return 1e-3 * float(self._rng.uniform(0.0, longest)) if longest else 0.0
 
     def _estimated_before(self, end: float) -> _Work | None:
-        """Return a picture whose estimate is ready before a time of the run [s], and remove it from
-        the queue; None if no estimate is ready. A tracker that is not busy first takes the next
-        picture.
+        """Return the tracker's estimate with its picture's data if it is ready before a time of the
+        run [s], else None. A tracker that is not busy first takes a picture, if one arrives before
+        that time.
         """
         # A picture may be taken in an earlier frame interval than that in which it is finished.
         if self._work is None and self._coming:
@@ -220,8 +221,8 @@ class Timeline:
         return self._work if self._work is not None and self._work.done < end else None
 
     def _begin(self, begin: float) -> _Work:
-        """Let the tracker take the newest picture that has arrived by a time of the run [s];
-        without one, the last frame that has none.
+        """Let the tracker take the newest picture that has arrived by a time of the run [s], or, if
+        only frames without a picture have arrived, the last of these; return its estimate.
         """
         arrived = [picture for picture in self._coming if picture.time <= begin + SAME]
         del self._coming[: len(arrived)]

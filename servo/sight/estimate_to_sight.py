@@ -77,7 +77,8 @@ class EstimateToSight:
             camera: Intrinsics of the camera.
             region: The target's rectangle in the first picture [px].
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
-            depth_factor: Factor on all depths, to test laws with wrong depths; 1 leaves them.
+            depth_factor: Factor on the depths of the target's plane, to test laws with wrong
+                depths; 1 leaves them. It does not change the pose.
         """
         self._config = config
         self._camera = camera
@@ -216,7 +217,9 @@ class EstimateToSight:
         )
 
     def _with_depth_factor(self, sight: Sight) -> Sight:
-        """Return a view of the target with its depths multiplied by the depth factor."""
+        """Return a view of the target in which the depths of its plane are multiplied by the depth
+        factor; its pose is not changed.
+        """
         if self._depth_factor == 1.0:
             return sight
         return replace(sight, plane=self._scaled(sight.plane), measured_pose=sight.pose)
@@ -226,8 +229,8 @@ class EstimateToSight:
         x, y [px], angle [rad] and ln scale.
 
         It is computed from two points of the target's plane, the centre and the middle of the
-        rectangle's front side. The plane is that of the last `see`; before the first one the result
-        is zero.
+        rectangle's front side. The plane is that of the last view that `see` returned; before the
+        first one the result is zero.
 
         Args:
             state: Position [px], angle [rad] and scale of the target before the motion.

@@ -192,13 +192,16 @@ class ByPoints:
         return np.asarray(grey, np.uint8)
 
     def _warped(self, H: Array) -> Points:
-        """Return the points of the goal's picture as it looks after a homography (3, 3) [px]."""
+        """Return the points that are found in the goal's picture warped by a homography (3, 3)
+        [px], with their coordinates in the picture that is not warped.
+        """
         height, width = self._grey_goal.shape
         return self._points(cv2.warpPerspective(self._grey_goal, H, (width, height)), H)
 
     def _points(self, grey: MatLike, view: Array) -> Points:
-        """Return the points of a grey picture, at their pixels in another picture of which it is a
-        view: the homography (3, 3) [px] from the other one's pixels.
+        """Return the points of a grey picture that is a warped view of another picture, with their
+        coordinates in that other picture. `view` is the homography (3, 3) [px] from the other
+        picture to the grey one.
         """
         points, descriptors = self._detector.detectAndCompute(grey, None)
         if not points:
@@ -212,12 +215,13 @@ class ByPoints:
 
 
 def _seen_aside(grey: Image, tilt: float, turn: float) -> tuple[MatLike, Array]:
-    """Return a grey picture as it looks from the side, and the map (3, 3) to its pixels.
+    """Return a grey picture as it looks from the side, and the affine map (3, 3) [px] from the
+    given picture to this view.
 
     Args:
         grey: The picture (H, W).
         tilt: Factor by which it is compressed.
-        turn: Direction of the compression, from right towards up [deg].
+        turn: Direction of the compression in the given picture, from right towards down [deg].
     """
     height, width = grey.shape
     turned = cv2.getRotationMatrix2D((0, 0), turn, 1.0)

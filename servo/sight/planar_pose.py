@@ -1,7 +1,7 @@
 """Pose of a flat rectangle from its four corners in each of successive pictures; earlier pictures
 decide between the two poses that fit the corners.
 
-A small or distant plane looks nearly the same where it is tilted to the other side of the line of
+A small or distant plane looks nearly the same if it is tilted to the other side of the line of
 sight (Schweighofer, Pinz 2006, "Robust Pose Estimation from a Planar Target", IEEE Transactions on
 Pattern Analysis and Machine Intelligence 28(12)). Both poses come from Collins, Bartoli 2014,
 "Infinitesimal Plane-based Pose Estimation" (IPPE), International Journal of Computer Vision 109(3);
@@ -78,9 +78,9 @@ class CornersToPose:
 
 
 def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, float]]:
-    """Return the two poses of a rectangle in the camera frame that fit its corners best, each with
-    its cost: the squared error over the variance of the corners' noise. The list is empty if no
-    rectangle has these corners.
+    """Return the poses T_camera_object [m] of a rectangle that fit its corners best, at most two,
+    each with its cost: the squared error over the variance of the corners' noise. The list is empty
+    if no rectangle that is seen from above has these corners.
 
     Args:
         corners: Corners (4, 2) in normalised image coordinates.
@@ -107,7 +107,8 @@ def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, f
 
 def _solutions(model: Array, corners: Array) -> list[tuple[MatLike, MatLike]]:
     """Return rotation vectors [rad] and translations [m] of the two possible poses by IPPE. Where
-    both are the same, IPPE would divide by zero: then return one pose, found by iteration.
+    both are the same, IPPE would divide by zero: then return one pose, found by iteration. The list
+    is empty if that fails, too.
     """
     given = model, corners[:, None], np.eye(3), None
     for method in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_ITERATIVE):
@@ -118,8 +119,9 @@ def _solutions(model: Array, corners: Array) -> list[tuple[MatLike, MatLike]]:
 
 
 def _prior_cost(pose: Pose, expected: Pose | None) -> float:
-    """Return the cost of a pose before its corners count: the square of its angle from the expected
-    pose over the variance of that; without an expected pose, its squared tilt over a variance.
+    """Return the part of a pose's cost that does not come from the corners: the squared angle of
+    the rotation between the pose and the expected one, over its variance `TURN`^2; without an
+    expected pose, the squared angle between the normal and the optical axis over `TILT`^2.
     """
     if expected is None:
         return float((np.arccos(np.clip(pose.rotation[2, 2], -1, 1)) / TILT) ** 2)

@@ -31,8 +31,9 @@ class PlaneMotion:
         picture decides by the smallest tilt of the plane."""
 
     def of(self, H: Array) -> Motion | None:
-        """Return the motion (R, t, n) that explains a homography H ~ R + t n^T: rotation (3, 3),
-        translation over the plane's distance (3,), and the plane's unit normal (3,) in the first
+        """Return the motion (R, t, n) that explains a homography H ~ R + t n^T: rotation (3, 3) and
+        translation over the plane's distance from the first camera (3,), which take coordinates in
+        the first camera's frame to the other's, and the plane's unit normal (3,) in the first
         camera's frame, away from the camera. The result is None if the plane would be behind a
         camera. Call it for each picture, in order.
 
@@ -72,8 +73,9 @@ def _motions(H: Array) -> Sequence[Motion]:
 
 
 def _small(H: Array, normal: Array) -> Motion:
-    """Return the motion of a plane with a given normal (3,) whose homography H (3, 3) is near to
-    the identity, by least squares: H - I = [w]x + t n^T.
+    """Return the camera motion for which a plane with a given unit normal (3,) in the first
+    camera's frame has a homography H (3, 3) near to the identity, by least squares: H - I = [w]x +
+    t n^T.
     """
     cross = np.array([np.cross(axis, np.eye(3)).T for axis in np.eye(3)])
     columns = [*cross, *(np.outer(axis, normal) for axis in np.eye(3))]

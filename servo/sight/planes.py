@@ -25,7 +25,8 @@ def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
     area has the image area and centroid of `m`.
 
     A small piece of the plane n . P = 1 with the metric area S has the image area a = S (n . r)^3 /
-    |n| with r = (xg, yg, 1): this gives |n| [1/m], and with it the depth.
+    |n| with r = (xg, yg, 1): this gives |n| [1/m], and with it the depth. For a plane that is seen
+    nearly edge-on or from behind, n . r / |n| is replaced by 0.05 there.
 
     Args:
         m: Moments of the target in normalised image coordinates.
@@ -85,8 +86,8 @@ class PlaneFit:
 
     def normal(self, T_base_camera: Pose) -> Array:
         """Return the unit normal (3,) of the fitted plane in the present camera frame, pointing
-        away from the camera; before any `add` it is the optical axis. The first call also stores
-        the optical axis as the prior of the normal.
+        away from the camera. The first call stores the present optical axis as the prior of the
+        normal; before any `add` the normal is this axis.
 
         Args:
             T_base_camera: Present pose of the camera in the robot's base frame.

@@ -42,10 +42,11 @@ class SizeGate:
         """Time for which a refused size has fitted again [s]; None while no size is refused."""
 
     def judged(self, estimate: Estimate, ego: float, interval: float) -> Estimate:
-        """Return the estimate unchanged if its scale is possible; otherwise a copy that has the
-        scale to use instead as `likely_scale`. After such a refusal all scales are refused until
-        they have been near the expected scale (within 0.2 of its logarithm) for 1 s. Call it once
-        for each picture, in order.
+        """Return the estimate unchanged if its scale is possible, or if the tracker does not see
+        the target or does not follow its size; otherwise a copy that has the scale to use instead
+        as `likely_scale`. After such a refusal all scales are refused until they have been near the
+        expected scale (within 0.2 of its logarithm) for 1 s. Call it once for each picture, in
+        order.
 
         Args:
             estimate: The tracker's estimate of this picture.
@@ -67,7 +68,8 @@ class SizeGate:
         return estimate
 
     def _accepts(self, off: float, variance: float, interval: float) -> bool:
-        """Return True if a deviation of ln scale from its prediction is possible.
+        """Return True if a deviation of ln scale from its prediction is possible; after a refusal,
+        only once the deviations have been at most `BACK` for `WAIT` seconds.
 
         Args:
             off: The deviation.
