@@ -19,7 +19,7 @@ from sim.channels import VIEWED, Sees, needs_of
 from sim.geometry import is_finite, is_rotation
 from sim.outline import area
 from sim.types import Array, Effect, Pose
-from tracking.types import Estimate, State, Status, goes_around
+from tracking.types import Estimate, Region, State, Status, goes_around
 
 Built = TypeVar("Built")
 Value = TypeVar("Value")
@@ -249,6 +249,24 @@ POSE = (
     Rule("rotation", partial(is_array, shape=(3, 3)), "it should be finite numbers (3, 3)"),
 )
 """The rules of `sim.types.Pose`."""
+
+
+def check_outline(found: object, *_: object) -> None:
+    """Check what a tracker's method `outline` returned: the region [px] of the target that it found
+    in the first picture, and its state there.
+
+    Args:
+        found: The returned value.
+
+    Raises:
+        BrokenContract: The value is no tuple of a `Region` and a `State`.
+    """
+    types = tuple(map(type, cast(tuple[object, ...], found))) if isinstance(found, tuple) else ()
+    require(
+        types == (Region, State),
+        "outline returned {}, which is not (Region, State)",
+        found,
+    )
 
 
 def check_estimate(estimate: object, *_: object) -> None:
@@ -516,6 +534,10 @@ FEATURES = ("values", "matrix", "error", "known", "scales")
 """The methods of feature sets; their checks need the set, for its number of features."""
 
 
+OPTIONAL: Mapping[str, Mapping[str, Check]] = {"tracker": {"outline": check_outline}}
+"""For each section, checks of the values that methods return which not all components have."""
+
+
 def _checks_of(place: str, part: object) -> Mapping[str, Check | None]:
     if place == "features":
         features = cast(FeatureSet, part)
@@ -686,4 +708,5 @@ def guarded(
             original exception is raised.
         checked: False: returned values are not checked; `blame` is still called.
     """
-    return cast(Built, _Guarded(part, _checks_of(place, part) if checked else {}, blame))
+    checks = {**_checks_of(place, part), **OPTIONAL.get(place, {})} if checked else {}
+    return cast(Built, _Guarded(part, checks, blame))

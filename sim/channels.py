@@ -3,8 +3,9 @@
 The `Config` of a component (tracker, estimator, controller, ...) declares its channels: `needs =
 frozenset({Channel.TRUTH})`. The component receives their data by its method `see(view)`, which is
 called before its other methods that work on a picture; the `View` holds the declared channels only.
-The goal's picture and the ego motion are given to controllers and trackers as arguments instead.
-`GIVEN` says which channels the components of each section can declare.
+The goal's picture and the ego motion are not in it: feature sets and controllers find the goal's
+picture in the `Sight` that they are given, and a tracker gets the ego motion as an argument of
+`update`. `GIVEN` says which channels the components of each section can declare.
 """
 
 from collections.abc import Set
@@ -16,8 +17,8 @@ from sim.types import Array, DepthPicture, Frame, Image, Truth
 
 
 class Channel(Enum):
-    """Data that a component (tracker, controller, estimator) of a run may ask for, besides the
-    arguments of its methods; a member's value describes the data.
+    """Data that a component (tracker, feature set, estimator, controller) of a run may ask for,
+    besides the arguments of its methods; a member's value describes the data.
     """
 
     PICTURE = "The picture of the camera."
@@ -36,9 +37,9 @@ Channels = frozenset[Channel]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """Data of one picture that a component (tracker, estimator, controller) may use. A field is
-    None if the component's settings do not declare its channel in `needs`, or if its value is
-    unknown.
+    """Data of one picture that a component (tracker, feature set, estimator, controller) may use. A
+    field is None if the component's settings do not declare the field's channel in `needs`, or if
+    the value is unknown.
 
     The fields are the RGB picture (H, W, 3); depths along the optical axis (H, W) [m]; the target's
     exact pose and projection (`truth`); the rate of change (k,) [1/s] of the k features of visual
@@ -51,7 +52,7 @@ class View:
     depth: DepthPicture | None = None
     """Distance along the optical axis (H, W) [m]."""
     truth: Truth | None = None
-    """Where the target is in this picture."""
+    """The target's exact pose at the time of this picture, and its projection into the picture."""
     true_motion: Array | None = None
     """Mean de/dt (k,) of the target's own motion while the next command acts, divided by
     `FeatureSet.scales`."""
@@ -92,21 +93,22 @@ VIEWED = frozenset({Channel.TRUTH, Channel.TRUE_MOTION, Channel.SEEN})
 
 @runtime_checkable
 class Sees(Protocol):
-    """A component (tracker, controller, estimator) that wants data besides the arguments of its
-    methods, such as the target's true pose. Its settings declare the data (channels) in `needs`;
-    its method `see` receives them.
+    """A component (tracker, feature set, estimator, controller) that wants data besides the
+    arguments of its methods, such as the target's true pose. Its settings declare the data
+    (channels) in `needs`; its method `see` receives them.
     """
 
     def see(self, view: View) -> None:
         """Receive the data that the component's settings declare in `needs`; called once for each
-        picture, before the component's other methods that work on this picture.
+        picture (of a tracker: for each new one), before the component's other methods that work on
+        this picture.
         """
 
 
 @runtime_checkable
 class Declares(Protocol):
-    """Settings of a component (tracker, controller, estimator) that declare, in `needs`, which data
-    it uses besides the arguments of its methods.
+    """Settings of a component (tracker, feature set, estimator, controller) that declare, in
+    `needs`, which data the component uses besides the arguments of its methods.
     """
 
     @property
@@ -125,9 +127,9 @@ def needs_of(config: object, usual: Channels = frozenset()) -> Channels:
 
 
 def channels_fault(place: str, config: object) -> str:
-    """Return what is wrong with the channels that a component's settings declare in `needs`, as a
-    sentence: they are no set of channels, or components of their section are not given one of them;
-    "" if nothing is.
+    """Return, as a clause for a message, what is wrong with the channels that a component declares
+    in the `needs` of its settings: they are no set of channels, or components of this section
+    cannot get one of them. Return "" if nothing is wrong.
 
     Args:
         place: Name of the component's section in a scenario, such as "tracker"; a key of `GIVEN`.
@@ -135,7 +137,10 @@ def channels_fault(place: str, config: object) -> str:
     """
     needs = needs_of(config)
     if not _is_channels(needs):
-        return f"needs of its Config is {needs!r}, which is no set of servo.Channel members"
+        return (
+            f"needs of its Config is {needs!r}, which is no set of servo.Channel members: give a "
+            "frozenset of these"
+        )
     known = GIVEN[place]
     unknown = needs - known
     if unknown:

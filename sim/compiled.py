@@ -27,7 +27,8 @@ def compiled(
     error_model: Literal["python", "numpy"] = "python", fastmath: Collection[str] = ()
 ) -> Callable[[Loop], Loop]:
     """Return a decorator that compiles a numeric function with numba at its first call, and stores
-    the machine code beside its source. Compiled functions run without Python's global lock.
+    the machine code beside its source, or in the folder NUMBA_CACHE_DIR if that is set. Compiled
+    functions run without Python's global lock.
 
     If neither the source's folder nor the user's cache can be written, as in a container, the
     machine code is stored in a temporary folder. If it cannot be stored at all, the function is
@@ -63,7 +64,9 @@ def compiled(
 
 
 def _stored(loop: Any) -> Any:
-    """Return a compiled loop that reports a full disk instead of raising an error."""
+    """Change a function compiled by numba, in place, so that a failure to store its machine code,
+    such as a full disk, is reported instead of raised; return the function.
+    """
     save = loop._cache.save_overload
 
     def save_if_possible(*compilation: object) -> None:

@@ -1,6 +1,6 @@
 """Registries of kinds: a kind is a named component, such as the tracker "kams". Each file in a
-folder such as `tracking/trackers` is a kind; its `Config` holds the settings and builds the
-component.
+folder such as `tracking/trackers` is a kind, unless its name begins with "_"; its `Config` holds
+the settings and builds the component.
 
 A folder owns a value `KINDS = Kinds(__name__, ...)`, and a file dropped into it adds a motion, a
 tracker, an estimator, ... A kind may be a preset of another kind: its `Config` then inherits from
@@ -110,8 +110,8 @@ def _modules_in(paths: tuple[str, ...]) -> tuple[str, ...]:
 
 class Kinds(Generic[Config]):
     """The registry of the components of one sort, such as all trackers: each module in the package
-    `folder` is a kind (a named component), and installed packages add further kinds by entry points
-    in the group `group`.
+    `folder` whose name does not begin with "_" is a kind (a named component), and installed
+    packages add further kinds by entry points in the group `group`.
 
     `adapt` returns a `Config` class for an object that is not one, or None; `plain` describes such
     objects in messages.
@@ -153,7 +153,8 @@ class Kinds(Generic[Config]):
 
     def package_of(self, kind: str) -> str:
         """Return the name and version of the installed package that adds a kind, such as
-        "my-package 1.2"; an empty text for servobench's own kinds and for unknown names.
+        "my-package 1.2", given a name from `names`; an empty text for servobench's own kinds and
+        for all other names.
         """
         found = self._added().get(kind)
         return "" if found is None else f"{found.package} {found.version}"
@@ -193,8 +194,9 @@ class Kinds(Generic[Config]):
         is used in messages.
 
         Raises:
-            UnknownKind: The object is not a `Config` (a dataclass with a default for each field and
-                a method `build`), and `adapt` returns None.
+            UnknownKind: The object is a class with a method `build` that is no dataclass, has a
+                field without a default, or has `PRESETS` that are no dictionary of dictionaries; or
+                it is no such class, and `adapt` returns None.
         """
         if isinstance(found, type) and callable(getattr(found, "build", None)):
             _check_config(found, name)
@@ -272,7 +274,7 @@ class Kinds(Generic[Config]):
         return {k.kind if count[k.kind] == 1 else f"{k.package}:{k.kind}": k for k in found}
 
     def _path_of(self, kind: str) -> str:
-        """Return module:Class of a kind outside servobench.
+        """Return the path to import, "module:Class", of a kind outside servobench.
 
         Raises:
             UnknownKind: There is no such kind, several packages have it, or a file names code.
@@ -295,7 +297,7 @@ class Kinds(Generic[Config]):
 
 
 _REGISTERED: dict[str, Kinds[object]] = {}
-"""Each folder of kinds that has been imported, by its package."""
+"""The registries of all folders of kinds that have been imported, by the folders' packages."""
 
 
 def kind_of(config: object) -> str:

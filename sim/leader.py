@@ -18,8 +18,9 @@ from sim.types import Array, Pose
 
 UPRIGHT = (0.0, 0.0, 0.4, 80.0, 0.0, 0.0)
 BESIDE = (0.2, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""Where the tag is on what moves, facing a camera at `sim.camera.camera.STANDS`, and where the held
-target shall be, to the right of the tag; chosen by hand."""
+"""Default poses, chosen by hand: of the tag in the frame that the motion moves, so that it faces a
+camera at `sim.camera.camera.STANDS`; and of the held target beside the tag, 0.2 m to the right as
+this camera sees it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +29,9 @@ class LeaderConfig:
 
     The tag is an AprilTag 36h11 with the number `id` (None: no leader) and a black square of the
     side `size` [m]. `on` is its pose in the frame that the scenario's motion moves, `beside` the
-    desired pose of the target that the robot holds, relative to the tag: x along the tag's nose, y
-    to the right and z away as its viewer sees it. Poses are x, y, z [m] and roll, pitch, yaw [deg].
+    desired pose of the target that the robot holds, relative to the tag: x along the tag's nose,
+    which is the right side of its pattern, y down and z away from a viewer who sees the pattern
+    upright. Poses are x, y, z [m] and roll, pitch, yaw [deg].
     """
 
     id: Annotated[int, Ge(0), Le(586)] | None = None
@@ -41,9 +43,9 @@ class LeaderConfig:
     fixed axes; with zeros it lies on the table, its nose ahead.
     """
     beside: Pose6 = BESIDE
-    """Desired pose of the held target relative to the tag: x along the tag's nose, y to the right
-    of it as its viewer sees it, z away from the viewer [m], roll, pitch, yaw [deg]; zeros for the
-    angles: turned as the tag is.
+    """Desired pose of the held target relative to the tag: x to the right (along the tag's nose), y
+    down, z away from a viewer who sees the tag's pattern upright [m], roll, pitch, yaw [deg] about
+    these axes; with zeros for the angles the target is turned as the tag is.
     """
 
     def leads(self, outline: Array) -> "Leader | None":

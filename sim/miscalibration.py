@@ -80,8 +80,9 @@ class BelievedConfig:
         return camera if believed == camera else believed
 
     def outline(self, outline: Array) -> Array:
-        """Return the corners (4, 3) [m] that the robot believes a target's reference rectangle to
-        have, given the true corners: scaled by `size_factor` about their centre.
+        """Return the corners (4, 3) [m], in the target's frame, that the robot believes a target's
+        reference rectangle to have, given the true corners: scaled by `size_factor` about their
+        centre.
         """
         middle = outline.mean(axis=0)
         f = self.size_factor
@@ -145,9 +146,9 @@ class BelievedRobot:
     def rates(
         self, data: mujoco.MjData, twist: Array, hold: float, before: Array
     ) -> tuple[Array, Array, tuple[str, ...]]:
-        """Return the joint rates (n,) [m/s or rad/s] for a camera twist, the camera twist (6,) that
-        the robot believes them to make, and the joints whose limits changed it, such as "elbow
-        (range)".
+        """Return the joint rates (n,) [m/s or rad/s] for a commanded camera twist, the camera twist
+        (6,) that the robot believes these rates to make, and the joints whose limits changed the
+        commanded twist, such as "elbow (range)".
 
         All is computed by the robot's wrong model of itself; joints that really stand at an end of
         their range are added to those with limits.

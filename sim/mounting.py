@@ -119,7 +119,7 @@ class TargetInHand:
     T_world_camera: Pose
     """Where the camera stands (x right, y down, z forward)."""
     T_hand_target: Pose
-    """How the robot holds the target."""
+    """Pose of the held target in the hand's frame (x right, y down, z forward)."""
     carried = "target"
     """Name of what the robot carries, for messages."""
     sign = -1.0

@@ -23,8 +23,8 @@ class Outline:
     """
 
     corners: Array
-    """Corners (4, 3) in the target's frame [m], clockwise as seen from above: front left is the
-    second one, because the nose points along x and left along y."""
+    """Corners (4, 3) in the target's frame [m], clockwise as seen from above, the rear left one
+    first: the nose points along x, and y points to the left."""
 
     @property
     def length(self) -> float:
@@ -49,8 +49,8 @@ class Outline:
 
 def area(corners: Array) -> float:
     """Return the area of a convex quadrangle, in the square of the unit of its corners (4, 2) or
-    (4, 3), of which only x and y count: half the product of its diagonals and of the sine between
-    them.
+    (4, 3), of which only x and y count: half the product of the lengths of its diagonals and of the
+    sine of the angle between them.
 
     >>> area(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]]))
     2.0

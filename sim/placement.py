@@ -11,7 +11,8 @@ from sim.outline import area
 from sim.types import Array, Camera, Pose, Truth
 
 MARKS = np.array([*np.eye(4), [0.5, 0.0, 0.5, 0.0], [0.0, 0.5, 0.5, 0.0]])
-"""Takes the corners of the reference rectangle to these, its middle and the middle of its nose."""
+"""Matrix (6, 4) whose product with the corners (4, 3) of a reference rectangle gives six points (6,
+3): the corners, the centre, and the middle of the front side, where the nose is."""
 DOWN = np.diag([1.0, -1.0, -1.0])
 """Rotation of a level camera that looks straight down with image u along world x."""
 
@@ -187,8 +188,9 @@ def truth_above(
 
 
 def _straightened(camera: Camera, pixel: Array, theta: float) -> float:
-    """Return the angle of a direction at a pixel without the effects of the lens and of pixels that
-    are not square [rad].
+    """Return the direction [rad], from x towards y in undistorted normalised image coordinates, of
+    a line through a pixel (2,) [px] that has the direction `theta` [rad] in the picture, from +u
+    towards +v.
     """
     if camera.is_plain:
         return theta

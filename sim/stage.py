@@ -29,8 +29,9 @@ BELOW = Pose(np.eye(3), np.array([0.0, 0.0, -100.0]))
 class Motion(Protocol):
     """The path of the target in the world frame, as a function of time alone.
 
-    Any class with this method is a motion. `at` is called with any time of a run, in any order and
-    repeatedly: it has to return the same pose for the same time, and may not keep state.
+    Any class with this method is a motion. `at` is called with any time of a run, and with negative
+    times down to one frame interval before its start, in any order and repeatedly: it has to return
+    the same pose for the same time, and may not keep state.
 
     >>> class Driver:
     ...     def at(self, time: float) -> Pose:
@@ -42,7 +43,7 @@ class Motion(Protocol):
 
     def at(self, time: float) -> Pose:
         """Return the target's pose T_world_target (x along the nose, z up; the table's top is z =
-        0) at a time since the start of the run [s].
+        0) at a time since the start of the run [s], which may be negative.
         """
         ...
 
@@ -70,7 +71,8 @@ class Disturbance(Protocol):
 
     def at(self, time: float) -> Effect:
         """Return what the disturbance changes at a time since the start of the run [s]; `Effect()`
-        if it changes nothing. Called with any time of a run, in any order and repeatedly.
+        if it changes nothing, as at every negative time. Called with any time of a run, in any
+        order and repeatedly.
         """
         ...
 
@@ -90,8 +92,9 @@ class Stage:
         data: mujoco.MjData,
         leader: Leader | None = None,
     ) -> None:
-        """Find the bodies; the robot's mounting, with the hand as of the last kinematics of `data`,
-        decides whether the motion or the robot moves the target.
+        """Find the bodies and lights in a scene's model. Whether the motion or the robot moves the
+        target follows from the robot's mounting; a target in the hand is placed by the hand's pose
+        that MuJoCo computed last in `data`.
         """
         self._model = model
         self._at = lru_cache(maxsize=4)(motion.at)  # the last two frames' are asked for again

@@ -299,8 +299,13 @@ def _part(rng: np.random.Generator) -> Array:
 
 
 def _geom(shape: str, length: float, slim: float, height: float) -> dict[str, object]:
-    """Return type and half sizes [m] of a thing on the table; `slim` is the width of a card over
-    its length.
+    """Return the type and half sizes [m] of an object on the table, as arguments of `add_geom`.
+
+    Args:
+        shape: One of `SHAPES`.
+        length: Diameter of a disc, or longest side of a card or bar [m].
+        slim: Width of a card over its length.
+        height: Height of the object [m].
     """
     if shape == "disc":
         size: Sequence[float] = [length / 2, height / 2, 0]

@@ -34,10 +34,10 @@ class Rates:
         """Return rates near the desired physics, drive and camera rates [Hz], such that a frame
         interval has a whole number of physics steps; the camera's rate is kept.
 
-        If the camera's rate divides the physics rate, the physics rate is kept too, and the drive
-        rate is rounded to a whole number of physics steps. Else physics gets faster, never slower,
-        until a frame interval is a whole number of drive updates, each a whole number of physics
-        steps.
+        If the camera's rate divides the physics rate, the physics rate is kept too, and the time
+        between two updates of the drives is rounded to a whole number of physics steps, at least
+        one. Else physics gets faster, never slower, until a frame interval is a whole number of
+        drive updates, each a whole number of physics steps.
         """
         ratio = physics_rate / rate
         steps = round(ratio)

@@ -168,9 +168,9 @@ class Posture:
     jacobian: Array
     """Camera twist per joint rate (6, n)."""
     slowest: Array | float = -math.inf
-    """Least joint rates (n,) [m/s or rad/s]: the largest ones backwards."""
+    """Least joint rates (n,) [m/s or rad/s]: the largest ones backwards; -inf without a limit."""
     fastest: Array | float = math.inf
-    """Largest joint rates (n,) [m/s or rad/s]."""
+    """Largest joint rates (n,) [m/s or rad/s]; inf without a limit."""
     accepted: Array | None = None
     """Mean of the commanded camera twist (6,) since the last frame, as far as the joint limits let
     the drives follow it; None: the robot does not report it."""
@@ -300,9 +300,9 @@ class Spot:
 @dataclass(frozen=True, slots=True)
 class Effect:
     """The combined effect of all disturbances at one time: factors on image and lamp brightness; a
-    spot light (None: off); the sideways distance [m] of a board from the line of sight to the
-    target (None: no board); the pose T_world_target of a second target (None: absent); and whether
-    the camera drops the frame.
+    spot light (None: off); the distance [m], to the right in the picture, of a board from the line
+    of sight to the target (None: no board); the pose T_world_target of a second target (None:
+    absent); and whether the camera drops the frame.
     """
 
     gain: float = 1.0
@@ -312,7 +312,8 @@ class Effect:
     spot: Spot | None = None
     """The spot light; None: it is off."""
     board: float | None = None
-    """Sideways distance of the board from the line of sight to the target [m]; None: parked."""
+    """Distance of the board from the line of sight to the target, to the right in the picture
+    (along the camera's x) [m]; None: the board is parked."""
     second: Pose | None = None
     """Pose of a second target on the table; None: it is absent."""
     dropped: bool = False
@@ -320,7 +321,8 @@ class Effect:
 
     def __or__(self, other: Effect) -> Effect:
         """Return the combination: factors are multiplied; of spots, boards and second targets, of
-        which the world has one each, the later effect's is taken.
+        which the world has one each, the later effect's is taken; the frame is dropped if either
+        effect drops it.
         """
         return Effect(
             gain=self.gain * other.gain,

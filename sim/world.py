@@ -100,7 +100,8 @@ class Moment:
     believed: Posture
     """The posture as the robot believes it."""
     bodies: Array
-    """Poses (n, 3, 4) of the moving bodies in the world, [R | t]."""
+    """Poses (n, 3, 4) of all bodies except the fixed world body, in the world, [R | t] [m], in the
+    order of `World.moving`."""
     rates: Array
     """Measured joint rates (m,) [m/s or rad/s]."""
 
@@ -127,12 +128,13 @@ class World:
         Args:
             parts: What to put together.
             rng: Draws the noise of the camera's sensor.
-            encoders: Draws the noise of the robot's encoders; needed where they have any.
-            renderer: Makes the renderer of the camera; by default that of its settings.
-            depth: Draws the noise of the depth pictures; by default always the same.
+            encoders: Draws the noise of the robot's encoders; None: a generator with seed 0.
+            renderer: Makes the renderer of the camera; None: that of the camera's settings.
+            depth: Draws the noise of the depth pictures; None: a generator with seed 0.
 
         Raises:
-            ValueError: A part does not fit the others; the sentence says which.
+            ValueError: A part does not fit the others, a picture or colour of the surroundings
+                cannot be used, or MuJoCo refuses the scene's model; the message says which.
         """
         config = parts.config
         camera = parts.camera
@@ -176,7 +178,8 @@ class World:
         self._mean_twist = np.zeros(6)
         self._accepted = np.zeros(6)
         self._rates = np.zeros(len(self.robot.names))
-        """What the drives are given."""
+        """The last joint rates (n,) [m/s or rad/s] for which the motors were driven, without the
+        effect of backlash; acceleration limits refer to them."""
         self._image: Image = np.zeros((camera.height, camera.width, 3), np.uint8)
         self._depth: DepthPicture | None = None
         self._has_looked = False
@@ -195,8 +198,8 @@ class World:
         towards: float = 0.0,
         way: Callable[[], Sequence[Pose]] | None = None,
     ) -> Reach:
-        """Move the robot at once, without physics, so that its camera sees the target at a given
-        pixel, angle and depth, or as near to that as it can; return how near.
+        """Move the robot at once, without physics, so that the camera sees the target at a given
+        pixel, angle and depth, or as near to that as possible; return how near.
 
         Args:
             pixel: Desired projection of the target's centre (2,) [px].
@@ -205,7 +208,8 @@ class World:
             tilt: Angle by which the camera is then moved around the target's centre [rad].
             towards: Direction in the picture to which it is moved, from +u towards +v [rad].
             way: Function that returns the camera poses that follow, one every 0.2 s, on which no
-                joint should reach a limit; None: no path follows.
+                joint should reach a limit: T_world_camera, or T_target_camera if the robot holds
+                the target. None: no path follows.
 
         Raises:
             ValueError: At the desired pose the camera would be below the table's top, or would not
@@ -221,13 +225,14 @@ class World:
         self, T_camera_object: Pose, way: Callable[[], Sequence[Pose]] | None = None
     ) -> Reach:
         """Move the robot at once, without physics, so that the target's reference rectangle has a
-        given pose in the camera frame, or as near to that as it can; return how near.
+        given pose in the camera frame, or one as near to it as possible; return how near.
 
         Args:
             T_camera_object: Pose of the rectangle's own frame: its origin in the centre, x along
                 the target's nose, z away from a viewer of its front.
             way: Function that returns the camera poses that follow, one every 0.2 s, on which no
-                joint should reach a limit; None: no path follows.
+                joint should reach a limit: T_world_camera, or T_target_camera if the robot holds
+                the target. None: no path follows.
 
         Raises:
             ValueError: At the desired pose the camera would be below the table's top, or would not

@@ -90,8 +90,8 @@ def test_nothing_is_said_of_the_painted_targets(kind, tracker):
 @pytest.mark.parametrize(("tracker", "poor"), [("pf_ssd", 1), ("kams", 1), ("texture_pf", 0)])
 def test_a_target_in_the_colours_of_its_ground_needs_its_texture(tracker, poor):
     assert said(tracker, first_of("camouflage")) == poor * (
-        f"{tracker} is a poor choice for this target: target and surroundings have the same colours; "
-        "texture_pf also uses texture"
+        f"{tracker} is a poor choice for this target: target and surroundings have the same colours: "
+        "choose texture_pf, which also uses texture"
     )
 
 

@@ -285,17 +285,17 @@ def needing(place, needs):
         (
             needing("controller", "depth"),
             "still: controller: needs of its Config is 'depth', which is no set of servo.Channel "
-            "members",
+            "members: give a frozenset of these",
         ),
         (
             needing("tracker", [Channel.DEPTH]),
             "still: tracker: needs of its Config is [<Channel.DEPTH: 'The depth picture of the "
-            "camera.'>], which is no set of servo.Channel members",
+            "camera.'>], which is no set of servo.Channel members: give a frozenset of these",
         ),
         (
             needing("tracker", {"DEPTH"}),
             "still: tracker: needs of its Config is {'DEPTH'}, which is no set of servo.Channel "
-            "members",
+            "members: give a frozenset of these",
         ),
     ],
 )
@@ -312,3 +312,42 @@ def test_a_component_that_needs_what_only_see_delivers_has_this_method():
         PartFailed, match=r"needs TRUTH, but it has no method see\(view\) to take that"
     ):
         list(run(dataclasses.replace(load("still", SHORT), **blind)))
+
+
+def test_an_estimator_that_looks_at_pictures_leaves_the_features_alone():
+    class Looks(Nothing):
+        def see(self, view):
+            pictures.append(view.picture)
+
+    pictures = []
+    config = type("Looking", (Given,), {"needs": frozenset({Channel.PICTURE})})
+    scenario = load("still", [*SHORT, "start.x=20"])
+    usual = list(run(scenario))
+    steps = list(run(dataclasses.replace(scenario, estimator=config(lambda rng: Looks()))))
+    assert np.linalg.norm(usual[0].command.twist) > 0.01
+    np.testing.assert_array_equal(steps[0].command.twist, usual[0].command.twist)
+    np.testing.assert_array_equal(pictures[0], steps[0].frame.image)
+
+
+def test_a_controller_that_needs_the_true_motion_is_named():
+    config = type("Knowing", (Given,), {"needs": frozenset({Channel.TRUE_MOTION})})
+    sees = type("Seeing", (Sees,), {"see": lambda self, view: None})
+    scenario = load("photometric", ["run.duration=0.2", "expect={}"])
+    with pytest.raises(Mistake) as refused:
+        list(run(dataclasses.replace(scenario, controller=config(lambda rng: sees()))))
+    assert str(refused.value).startswith(
+        "photometric: controller: this kind needs the target's true"
+    )
+
+
+@pytest.mark.parametrize(
+    ("outline", "message"),
+    [
+        (raises(RuntimeError("no square")), "RuntimeError: no square"),
+        (lambda self, *_: None, "outline returned None, which is not (Region, State)"),
+    ],
+)
+def test_a_tracker_that_fails_to_find_the_outline_is_named(outline, message):
+    with pytest.raises(PartFailed) as failed:
+        list(run(dataclasses.replace(load("tag_still", SHORT), **tracker(outline=outline))))
+    assert str(failed.value) == f"tracker 'odd': {message}"

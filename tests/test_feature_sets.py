@@ -144,7 +144,7 @@ def test_a_law_that_feeds_forward_what_the_set_does_not_have_is_refused(centroid
             "photometric",
             ["estimator.kind=true"],
             "photometric: estimator: this kind needs the target's true motion, which is not known "
-            "where features, estimator or controller use the pictures themselves: choose another estimator, such as 'none'",
+            "where features or controller use the pictures themselves: choose another kind, such as the estimator none",
         ),
         (
             "photometric",

@@ -33,5 +33,5 @@ def test_ideal_feed_forward_knows_the_motion_while_its_command_acts():
         loop.start(first.frame, scene.region, first.true_state)
     assert str(refused.value) == (
         "estimator: this kind needs the true motion of the target (true_motion), which only a "
-        "simulation knows: with a real camera choose another estimator, such as kalman_cv"
+        "simulation knows: with a real camera choose another kind, such as kalman_cv"
     )

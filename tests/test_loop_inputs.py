@@ -161,6 +161,7 @@ ODD_STEPS = {
     ),
     "the same stamp": lambda s: (replace(s.frame, time=0.0), s.posture),
     "a stamp that goes back": lambda s: (replace(s.frame, time=-1.0), s.posture),
+    "a stamp of another type": lambda s: (replace(s.frame, time="1"), s.posture),
     "a stamp of nan": lambda s: (replace(s.frame, time=NAN), s.posture),
     "a stamp without an end": lambda s: (replace(s.frame, time=np.inf), s.posture),
     "a pose as posture": lambda s: (s.frame, s.posture.T_base_camera),
@@ -208,6 +209,7 @@ def test_sentences_say_what_was_expected(loop, steps):
         "a twist of nan": "posture.twist: expected finite numbers from -1e+09 to 1e+09, got [",
         "a joint too few": "posture.jacobian: expected shape (6, ",
         "a stamp that goes back": "frame.time: expected a time after that of the frame before, 0.0 s, got -1.0 s",
+        "a stamp of another type": "frame.time: expected a finite number [s], got '1'",
         "no posture": "posture: expected a Posture, got a NoneType",
         "an array as picture": "frame: expected a Frame, got a ndarray",
     }

@@ -160,5 +160,5 @@ def test_numbers_that_are_none_are_refused_with_their_limit(region, state, messa
 def test_a_picture_of_absurd_size_is_refused_with_the_limit():
     wide = np.broadcast_to(np.uint8(0), (8, 1_000_000, 3))
     assert followed("frozen", [wide], Region(8.0, 8.0), State(4.0, 4.0)) == (
-        "the picture has 1000000 x 8 px; the limit is 16384 px a side"
+        "the picture has 1000000 x 8 px; the limit is 16384 px a side: reduce it"
     )

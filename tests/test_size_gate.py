@@ -18,10 +18,11 @@ from tracking.types import Estimate, State, Status
 STEP = 1 / 30
 
 
-def estimate(scale, sigma=math.nan, status=Status.LOCKED, follows=True):
+def estimate(scale, sigma=math.nan, status=Status.LOCKED, follows=True, corners=None):
     covariance = np.full((4, 4), np.nan)
     covariance[3, 3] = sigma**2
-    return Estimate(State(0.0, 0.0, 0.0, scale), covariance, 0.0, status, (True, follows))
+    state = State(0.0, 0.0, 0.0, scale)
+    return Estimate(state, covariance, 0.0, status, (True, follows), corners=corners)
 
 
 def refused(gate, scales, ego=0.0, **more):
@@ -58,6 +59,10 @@ def test_unseen_time_widens_the_gate_and_a_size_that_is_not_followed_is_not_judg
     assert refused(gate, [1.45]) == [None]
     gate = SizeGate(1.0)
     assert refused(gate, [9.0] * 30, follows=False) == [None] * 30
+
+
+def test_the_size_of_corners_is_not_judged():
+    assert refused(SizeGate(1.0), [9.0] * 30, corners=np.zeros((4, 2))) == [None] * 30
 
 
 def test_a_size_that_fits_again_for_a_second_counts_again():

@@ -1,8 +1,9 @@
 """Trackers: each estimates where one target is in the frames of a camera.
 
-A tracker sees frames only, never the simulated world, except the tracker `truth`. `create` returns
-one of our trackers by its kind (name); `wrap` turns a class that was written for OpenCV or GOT-10k
-into settings (a `Config` class) that build a tracker with our interface.
+A tracker is given frames and, where it is known, how the camera's motion changes the picture, but
+never the simulated world, except the tracker `truth`. `create` returns one of our trackers by its
+kind (name); `wrap` turns a class that was written for OpenCV or GOT-10k into settings (a `Config`
+class) that build a tracker with our interface.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: obje
 
     Raises:
         UnknownKind: There is no such kind or preset, and the message lists those that exist; or the
-            class that `kind` names cannot be imported.
+            class that `kind` names cannot be imported or is no tracker.
         TypeError: The kind has no such setting.
         ValueError: The seed is not a whole number of at least 0, or a setting has the wrong type or
             is out of range.
@@ -72,7 +73,7 @@ def configured(kind: str, preset: str | None = None, **settings: object) -> Part
 
     Raises:
         UnknownKind: There is no such kind or preset, and the message lists those that exist; or the
-            class that `kind` names cannot be imported.
+            class that `kind` names cannot be imported or is no tracker.
         TypeError: The kind has no such setting.
         ValueError: A setting has the wrong type, or is out of range.
     """

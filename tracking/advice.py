@@ -27,8 +27,11 @@ BETTER = "pf_ssd"
 """Tracker that is tried where another one is a poor choice."""
 LEAST_CONTRAST = 0.15
 """Least change of the colour distance when the template is shifted (`changes`) that separates a
-target from its surroundings: `camouflage` has 0.09, all other targets at least 0.23."""
-NO_CONTRAST = "target and surroundings have the same colours; texture_pf also uses texture"
+target from its surroundings: that of the painted sequence `camouflage` is 0.09, those of all other
+shipped targets are at least 0.23."""
+NO_CONTRAST = (
+    "target and surroundings have the same colours: choose texture_pf, which also uses texture"
+)
 NO_ANGLE = "the target looks the same when it is turned: its angle is not followed"
 
 
@@ -70,8 +73,8 @@ def _settled(
     """Return where a new tracker settles on copies of the first picture.
 
     Returns:
-        Distance of its estimate from the target [px], inf if its last status is not LOCKED; and
-        True if it follows the target's angle.
+        Distance of the mean of its last six estimates from the target [px], inf if its last status
+        is not LOCKED; and True if it follows the target's angle.
     """
     tracker = config.build(np.random.default_rng(0))
     tracker.start(Frame(image, 0.0, 0), region, state)

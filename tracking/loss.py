@@ -49,9 +49,11 @@ class LossLimits:
     patience: float = 1.0
     """Time without the target after which the status is LOST [s]; before that it is UNSURE."""
     sudden: float = 0.0
-    """Factor on the median distance of recent good frames. A distance above the product counts as
-    not seen for up to `DOUBT` s, even below the floor, if the estimate jumps as well: this happens
-    when an occluder begins to hide the target and pulls the estimate along. 0: no such check."""
+    """Factor on the median distance of recent good frames. A target with a distance above the
+    product (also above `CLEAR`, and above the median by `SURE` robust standard deviations) counts
+    as not seen for up to `DOUBT` s, even below the floor, if the estimate jumps as well: this
+    happens when an occluder begins to hide the target and pulls the estimate along. 0: no such
+    check."""
 
 
 class LossJudge:
@@ -89,8 +91,9 @@ class LossJudge:
         `patience` s in which it was not seen.
 
         It is seen if the distance is at most `threshold`; after a frame in which it was not, at
-        most `hysteresis` times `threshold`. If the limit `sudden` is above 0, a sudden rise of the
-        distance together with a jump counts as not seen for 0.3 s.
+        most `hysteresis` times `threshold`. If the limit `sudden` is above 0, a target also counts
+        as not seen for up to 0.3 s after a sudden rise of the distance together with a jump, as
+        long as the distance stays high.
 
         Args:
             distance: Distance from the target's appearance, 0..1; inf if the target was not found.
@@ -113,7 +116,9 @@ class LossJudge:
         return Status.LOST if time - self._unseen_since >= self._limits.patience else Status.UNSURE
 
     def _begins_to_hide(self, distance: float, time: float, jump: float) -> bool:
-        """Return True if the distance rose suddenly, with a jump, less than `DOUBT` s ago."""
+        """Return True if the distance rose suddenly, with a jump, less than `DOUBT` s ago, and has
+        not fallen again.
+        """
         sudden = self._limits.sudden
         risen = False
         if sudden > 0 and len(self._good) >= FEW:

@@ -38,7 +38,7 @@ CANDIDATES = 5
 """Number of places most similar to a stored view, to which particles move while the target is
 LOST."""
 SENT = 0.25
-"""Share of the particles that move to these places."""
+"""Share of the particles that move to the places most similar to a stored view."""
 LIMITS = LossLimits(floor=0.8, cap=0.8, hysteresis=0.75, patience=0.4)
 """Limits of 1 - the confidence."""
 TINY = 1e-12
@@ -46,9 +46,10 @@ TINY = 1e-12
 
 
 class Recogniser:
-    """Confidence, from 0 (lost) to 1 (certain), that a tracker follows its target, computed from
+    """Computes the confidence, 0 (lost) to 1 (certain), that a tracker follows its target, from
     colours, the spread of the particles, and the likeness to at most `count` stored views (pictures
-    of 8 x 8 points of the target). A new object makes `model` compare states with the views, too.
+    of 8 x 8 points of the target), and sends particles to where a lost target may be. A new object
+    makes `model` compare states with the views, too.
     """
 
     def __init__(
@@ -58,7 +59,7 @@ class Recogniser:
 
         Args:
             count: Largest number of stored views.
-            image: First picture, blurred as the model uses it (H, W, 3).
+            image: First picture, RGB (H, W, 3), as `as_seen` returns it; not blurred.
             region: Size of the target in the first picture [px].
             state: State of the target in the first picture.
             model: Model of the target's appearance, which is changed.
@@ -97,7 +98,8 @@ class Recogniser:
     def learn(self, image: LabelledImage, state: State, doubt: float) -> None:
         """Store the picture of the target at a state as a new view (8 x 8 points) if the smoothed
         confidence is at least 0.8, the confidence of this frame alone is above 0.5, and no stored
-        view is alike (correlation above 0.9).
+        view is alike (correlation above 0.9). If only one view may be stored, it stays
+        the first one.
 
         Args:
             image: Current picture.
@@ -125,8 +127,9 @@ class Recogniser:
 
 
 def _spread(cloud: ParticleFilter, state: State) -> float:
-    """Return the root mean square distance of the particles from a state, as a share of the
-    target's size. Particles farther away than that size follow something else and do not count.
+    """Return the weighted root mean square distance of the particles from a state, as a share of
+    the target's size. Particles farther away than that size follow something else and do not count;
+    the result is 0 if none is nearer.
     """
     away = np.hypot(*(cloud.samples[:, :2] - [state.x, state.y]).T) / (cloud.size * state.scale)
     weights = np.where(away < 1.0, cloud.weights, 0.0)

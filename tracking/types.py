@@ -17,9 +17,9 @@ from sim.channels import Channel, needs_of
 from sim.types import LARGEST_PICTURE, Array, Frame
 
 LARGEST_LOG = 5.0
-"""Largest size of ln scale: a target grows or shrinks by at most a factor of 148."""
+"""Largest absolute value of ln scale: a target grows or shrinks by at most a factor of 148."""
 ROUNDING = 1e-6
-"""An outline still counts as convex if a corner is dented by this share of its area: single
+"""An outline still counts as convex if a corner is dented by about this share of its area: single
 precision rounds by so much."""
 
 
@@ -166,13 +166,14 @@ class Estimate:
     covariance: Array
     """Covariance (4, 4) of x, y [px], theta [rad], ln scale; nan where the tracker has none."""
     distance: float
-    """Bhattacharyya distance between the target's appearance here and in the first frame, 0..1; or
-    1 - score, for a tracker that reports a score of its own."""
+    """Distance of the picture here from the target's appearance, from 0 (alike) to 1: Bhattacharyya
+    distance of histograms, or 1 - a measure of the tracker's own (correlation, confidence, score),
+    or 0 where the target is seen and 1 where it is not."""
     status: Status
     """Whether the target is seen."""
     follows: tuple[bool, bool] = (True, True)
-    """True where the tracker follows the angle, and the size; what it does not follow keeps the
-    value of the first frame."""
+    """Whether the tracker follows the angle, and whether it follows the size. What it does not
+    follow keeps its first value, or is changed only by what the camera's motion (`ego`) causes."""
     ess: float = float("nan")
     """Effective sample size of a particle filter; nan for other trackers."""
     evaluations: int = 0
@@ -355,7 +356,8 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
     height, width = frame.image.shape[:2]
     if max(height, width) > LARGEST_PICTURE:
         raise ValueError(
-            f"the picture has {width} x {height} px; the limit is {LARGEST_PICTURE} px a side"
+            f"the picture has {width} x {height} px; the limit is {LARGEST_PICTURE} px a side: "
+            "reduce it"
         )
     _check_numbers(region, state)
     sides = (region.width * state.scale, region.height * state.scale)

@@ -3,7 +3,7 @@ a motion.
 """
 
 from math import isfinite
-from numbers import Integral
+from numbers import Integral, Real
 
 import numpy as np
 
@@ -70,8 +70,8 @@ def check_frame(frame: Frame, camera: Camera) -> None:
     check_picture("frame", frame.image, camera)
     if frame.depth is not None:
         _check_depth(frame.depth, (camera.height, camera.width))
-    if not isfinite(frame.time):
-        raise ValueError(f"frame.time: expected a finite number [s], got {frame.time}")
+    if not isinstance(frame.time, Real) or not isfinite(frame.time):
+        raise ValueError(f"frame.time: expected a finite number [s], got {frame.time!r}")
 
 
 def check_picture(name: str, image: Image, camera: Camera) -> None:

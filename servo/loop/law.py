@@ -19,8 +19,12 @@ from sim.types import Array, Camera, Posture
 from tracking.types import Estimate
 
 NO_TRUTH = (
-    "estimator: this kind needs the true motion of the target (true_motion), which only a "
-    "simulation knows: with a real camera choose another estimator, such as kalman_cv"
+    "this kind needs the true motion of the target (true_motion), which only a simulation knows: "
+    "with a real camera choose another kind, such as kalman_cv"
+)
+OF_PICTURES = (
+    "this kind needs the target's true motion, which is not known where features or controller use "
+    "the pictures themselves: choose another kind, such as the estimator none"
 )
 
 
@@ -70,7 +74,7 @@ class Law:
         see may be infinite or nan."""
         self.estimator: Estimator = estimator.guarded(built[1])
         self.controller: Controller = controller.guarded(built[2])
-        parts = features, estimator, controller
+        self._parts = parts = features, estimator, controller
         self._viewers = [
             (part.guarded(one), needs_of(part.config))
             for part, one in zip(parts, built, strict=True)
@@ -83,10 +87,10 @@ class Law:
 
     @property
     def uses_pictures(self) -> bool:
-        """Whether the estimator, the controller or the feature set declares that it uses the
-        camera's pictures themselves.
+        """Whether the controller or the feature set acts on the camera's pictures themselves, and
+        not on a view of the target.
         """
-        return Channel.PICTURE in self.needs
+        return self.is_policy or Channel.PICTURE in needs_of(self._features.config)
 
     def check(self, *, depths: bool, true_motion: bool) -> None:
         """Check that depth pictures and the target's true motion are available if the settings of
@@ -97,8 +101,8 @@ class Law:
             true_motion: Whether the target's true motion is available, as in a simulation.
 
         Raises:
-            ValueError: Depth pictures or the true motion are needed and missing, or the estimator
-                needs the true motion although a component uses pictures.
+            ValueError: Depth pictures or the true motion are needed and missing, or a component
+                needs the true motion although features or controller use pictures.
         """
         if Channel.DEPTH in self._scenario.sight.needs and not depths:
             raise ValueError(
@@ -110,16 +114,13 @@ class Law:
                 "the Config of a component needs DEPTH, the depth picture, and there is none: set "
                 "camera.depth = true, or give Frame.depth with a camera of your own"
             )
-        if Channel.TRUE_MOTION not in self.needs:
-            return
-        if self.uses_pictures:
-            raise ValueError(
-                "estimator: this kind needs the target's true motion, which is not known where "
-                "features, estimator or controller use the pictures themselves: choose another "
-                "estimator, such as 'none'"
-            )
-        if not true_motion:
-            raise ValueError(NO_TRUTH)
+        for part in self._parts:
+            if Channel.TRUE_MOTION not in needs_of(part.config):
+                continue
+            if self.uses_pictures:
+                raise ValueError(f"{part.place}: {OF_PICTURES}")
+            if not true_motion:
+                raise ValueError(f"{part.place}: {NO_TRUTH}")
 
     def start(self, goal: Sight, frames_late: float) -> None:
         """Begin a run: start the estimator, then the controller, with the goal.

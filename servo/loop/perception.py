@@ -60,7 +60,7 @@ class Perception:
         self._viewer = part.guarded(built) if isinstance(built, Sees) else None
         marker = marker_of(scenario.target)
         is_marker = marker is not None and marker.is_outline(outline)
-        self._finder = built if is_marker and isinstance(built, SeesOutline) else None
+        self._finder = part.guarded(built) if is_marker and isinstance(built, SeesOutline) else None
 
     def start(
         self,

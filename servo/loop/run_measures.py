@@ -44,7 +44,7 @@ class Outcome(Enum):
     TIMED_OUT = "The run ended before the camera was at the goal."
     TARGET_LOST = "The tracker lost the target."
     LIMIT_HIT = "A limit of the robot keeps the camera from the goal."
-    DIVERGED = "The target has left the picture, and the tracker has not called it lost."
+    DIVERGED = "The target has left the picture, and no tracker has called it lost."
 
     def sentence(self, causes: Sequence[str] = ()) -> str:
         """Return the sentence of this outcome, with the causes, if there are any, after a colon.

@@ -42,11 +42,11 @@ class SizeGate:
         """Time for which a refused size has fitted again [s]; None while no size is refused."""
 
     def judged(self, estimate: Estimate, ego: float, interval: float) -> Estimate:
-        """Return the estimate unchanged if its scale is possible, or if the tracker does not see
-        the target or does not follow its size; otherwise a copy that has the scale to use instead
-        as `likely_scale`. After such a refusal all scales are refused until they have been near the
-        expected scale (within 0.2 of its logarithm) for 1 s. Call it once for each picture, in
-        order.
+        """Return the estimate unchanged if its scale is possible, or if the law does not use it:
+        the tracker does not see the target, does not follow its size, or reports its corners.
+        Otherwise return a copy that has the scale to use instead as `likely_scale`. After such a
+        refusal all scales are refused until they have been near the expected scale (within 0.2 of
+        its logarithm) for 1 s. Call it once for each picture, in order.
 
         Args:
             estimate: The tracker's estimate of this picture.
@@ -54,7 +54,8 @@ class SizeGate:
             interval: Time since the previous picture [s].
         """
         self._log += ego
-        if estimate.status is not Status.LOCKED or not estimate.follows[1]:
+        is_used = estimate.follows[1] and estimate.corners is None  # corners have a size themselves
+        if estimate.status is not Status.LOCKED or not is_used:
             self._unseen += FASTEST * interval
             return estimate
         off = math.log(estimate.state.scale) - self._log

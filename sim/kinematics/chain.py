@@ -144,7 +144,7 @@ def _hand(spec: mujoco.MjSpec) -> mujoco.MjsBody:
 
 
 def _is_jaw(body: mujoco.MjsBody) -> bool:
-    """Return whether a body, the only part of a hand that moves, is the hand's finger or jaw.
+    """Return whether a body is taken for a finger or jaw of its parent, the hand.
 
     The order of the rules is from certain to likely: names; a slide beyond a whole arm; a tool's
     frame on the hand. A hinge without any of these is taken for a joint of the arm.
@@ -180,7 +180,9 @@ def _grips(joint: str) -> bool:
 
 
 def _tool(hand: mujoco.MjsBody) -> mujoco.MjsBody:
-    """Return the body of a tool's frame that is fixed to a hand, or the hand itself."""
+    """Return the outermost body that is fixed to a hand, found from the hand outwards: a child with
+    the name of a tool's frame, or else an only child. Without such a child it is the hand itself.
+    """
     body = hand
     while children := body.bodies:
         tools = [c for c in children if not _depth(c) and TOOL.search(c.name)]

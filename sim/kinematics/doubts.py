@@ -7,9 +7,10 @@ from sim.kinematics.robot import Robot
 from sim.mounting import CAMERA
 
 LONGEST = 20.0
-"""Links that are longer together are thought to be in mm [m]: no robot on a table needs so much."""
+"""Length of all links together [m] beyond which a model is thought to be in mm: no robot on a table
+needs so much."""
 WIDEST = 100.0
-"""A range of a hinge beyond this is thought to be in degrees [rad]: it is 16 turns."""
+"""Range of a hinge [rad] beyond which it is thought to be in degrees: it is 16 turns."""
 
 
 def doubts(robot: Robot) -> list[str]:

@@ -59,8 +59,9 @@ def drive_of(model: mujoco.MjModel, joint: int) -> int | None:
 
 
 def wrong_drive(model: mujoco.MjModel, actuator: int) -> str | None:
-    """Return why an actuator (by id) is not a velocity servo of one joint with gear 1, as the end
-    of a sentence that begins with its name; None if it is one.
+    """Return why an actuator (by id) is not a velocity servo of one joint, with gear 1, that can
+    drive in both directions, as the end of a sentence whose subject is the actuator; None if it is
+    one.
     """
     gain = model.actuator_gainprm[actuator, 0]
     bias = model.actuator_biasprm[actuator, :3]

@@ -77,7 +77,7 @@ class Reach:
     room: float
     """Distance of this joint from the limit, as a share of its range."""
     rollout: Rollout | None = None
-    """Prediction of the joints along the path that follows; None if no path was given."""
+    """Prediction of the joints along the path that follows; None if nothing was predicted."""
 
     def __bool__(self) -> bool:
         return self.there
@@ -174,8 +174,8 @@ def _keep_inside(
 
 
 def _turned(robot: Robot, q: Array, joint: str) -> list[Array]:
-    """Return the joint positions (n,) that differ from q by a whole turn of a hinge, by its name,
-    and stay inside its range.
+    """Return the joint positions, each (n,) [m or rad], that differ from `q` (n,) by one turn,
+    forwards or backwards, of the hinge called `joint`, and stay inside its range; [] for a slide.
     """
     at = robot.names.index(joint)
     if robot.units[at] != "rad":
@@ -297,9 +297,16 @@ def _least_squares(
     slopes: Callable[[Array], Array] | None = None,
     steps: int | None = None,
 ) -> Array:
-    """Return the smallest error that joint positions inside the limits have, by searches of at most
-    so many steps from all starts; `error` is called with these positions last, and `slopes` returns
-    its derivative (None: differences of the error).
+    """Return the error (m,) of the best joint positions inside the limits that least squares find,
+    in one search from each start. The last call of `error` is with these positions, so that the
+    robot is placed there.
+
+    Args:
+        robot: The robot, with its joint limits.
+        error: Function that places the robot at joint positions (n,) and returns their error (m,).
+        starts: Joint positions (n,) [m or rad] at which the searches begin.
+        slopes: Function that returns the derivative (m, n) of `error`; None: finite differences.
+        steps: Most steps of one search; None: SciPy's own limit.
     """
     from scipy.optimize import least_squares  # only now: it takes a second
 

@@ -144,8 +144,8 @@ def drive(
 
 
 def _end_limits(joint: mujoco.MjsJoint) -> None:
-    """Remove a joint's range that is infinite or missing; a range with one finite limit gets
-    `FARTHEST` as the second one.
+    """Remove a joint's range if both its limits are infinite; if only one is, replace this limit by
+    -`FARTHEST` or `FARTHEST`. Limits of 10,000 or more count as infinite.
     """
     near = np.abs(joint.range) < FARTHEST
     if not near.any():
@@ -206,8 +206,8 @@ def _strip(spec: mujoco.MjSpec, joints: Sequence[str], *, keep_drives: bool) -> 
 def _place_eye(
     spec: mujoco.MjSpec, body: str, pos: Array, quat: Sequence[float], camera: str = ""
 ) -> None:
-    """Rename a camera of the model to `eye`, or add a camera of this name to a body; put a site
-    `eye` at the same place.
+    """Rename a camera of the model to `eye`, or add a camera of this name to a body; add a site
+    `eye` at the same place. Other cameras and sites called `eye` are deleted.
 
     Args:
         spec: The model, which is changed.

@@ -132,8 +132,8 @@ class Design:
     drives: Drives
     """Errors of its drives and encoders."""
     homes: tuple[tuple[float, ...], ...]
-    """Joint positions from which all others are sought, one after another [m or rad]; where there
-    are none, from everywhere."""
+    """Joint positions (n,) [m or rad] at which a search for other joint positions begins, one after
+    another; if there are none, it begins at random positions."""
     base: Pose = field(default_factory=lambda: Pose.planar(0.0, 0.0, 0.0))
     """T_room_base: where it stands; the room's z is up, and the table's top at z = 0."""
     inversion: Inversion = Inversion()
@@ -268,8 +268,8 @@ class Robot:
         self._free = list(zip(*np.array(free).tolist(), strict=True))
         """Positions of each joint between which its range does not limit its rate."""
         self._carries = (joints[:, None] <= joints).astype(np.float64)
-        """1 where a joint (rows) moves another, or is the same: a chain's are numbered from its
-        base on."""
+        """Matrix (n, n): 1 where the joint of the row moves that of the column, or is the same
+        joint, else 0. The joints of a chain are numbered from its base on."""
         self._jacobians = np.zeros((2, 3, model.nv))
         self._ahead = mujoco.MjData(model)
 
@@ -354,9 +354,9 @@ class Robot:
     def rates(
         self, data: mujoco.MjData, twist: Array, hold: float = 0.0, before: Array | None = None
     ) -> tuple[Array, Array, tuple[str, ...]]:
-        """Return the joint rates (n,) [m/s or rad/s] for a camera twist, the camera twist (6,) that
-        these rates make, and the joints whose limits changed it, each with the limit's kind: "elbow
-        (range)", "elbow (speed)" or "elbow (acceleration)".
+        """Return the joint rates (n,) [m/s or rad/s] for a commanded camera twist, the camera twist
+        (6,) that these rates make, and the joints whose limits changed the commanded twist, each
+        with the limit's kind: "elbow (range)", "elbow (speed)" or "elbow (acceleration)".
 
         A joint at the end of its range leaves the solution: it is as fast as its range allows, and
         the other joints make the rest of the twist. If rates are too fast, the twist gets shorter
@@ -582,7 +582,7 @@ class Robot:
 
 
 def _are_inside(values: Array, bounds: list[tuple[float, float]]) -> bool:
-    """Return False if one of some values (n,) is outside its bounds; nan is not."""
+    """Return whether all values (n,) are inside their bounds; nan counts as inside."""
     for value, (low, high) in zip(values.tolist(), bounds, strict=True):
         if value < low or value > high:
             return False
@@ -630,18 +630,18 @@ def _slowed(wanted: Array, box: list[tuple[float, float]]) -> float:
 
 
 def _programme(J: Array, wanted: Array, liked: Array, box: list[tuple[float, float]]) -> Array:
-    """Return the rates q' (n,) inside a box whose camera twist is nearest to k v, with 0 <= k <= 1
-    as large as it goes, and of those the ones nearest to preferred rates.
+    """Return the joint rates q' (n,), inside a box, that make the camera twist nearest to k v, with
+    0 <= k <= 1 as large as possible; of several such rates, the ones nearest to preferred rates.
 
-    v is the twist of some wanted rates. The quadratic programme in q' and k |v| is solved by DAQP
-    (Arnstrom, Bemporad and Axehill, A dual active-set solver for embedded quadratic programming
-    using recursive LDL^T updates, IEEE TAC 2022).
+    v is the twist that the wanted rates make. The quadratic programme in q' and k |v| is solved by
+    DAQP (Arnstrom, Bemporad and Axehill, A dual active-set solver for embedded quadratic
+    programming using recursive LDL^T updates, IEEE TAC 2022).
 
     Args:
         J: The Jacobian (6, n).
         wanted: The rates (n,) that make the twist.
         liked: The preferred rates (n,): those of the twist, and motion in the null space.
-        box: The least and the largest rate of each joint; it may exclude a joint that stands.
+        box: The least and the largest rate of each joint; zero need not lie between them.
     """
     twist = J @ wanted
     length = float(np.linalg.norm(twist))

@@ -37,7 +37,8 @@ class Workspace:
     """Least height of the camera above the base's origin where it looks down [m]; nan if it never
     looks down."""
     highest: float
-    """Largest height of the camera above the base's origin where it looks down [m]; else nan."""
+    """Largest height of the camera above the base's origin where it looks down [m]; nan if it never
+    looks down."""
     base: tuple[float, float, float, float]
     """x, y, z [m] and yaw [deg] of a base in the room, behind the table's middle as seen from the
     comfortable postures in which the camera looks down; zeros if it never looks down."""

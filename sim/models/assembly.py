@@ -70,7 +70,8 @@ def build_model(
         leader: The moving tag beside which the robot is to keep the target; None: no such tag.
 
     Raises:
-        ValueError: MuJoCo refuses the model, or a picture of the surroundings cannot be read.
+        ValueError: MuJoCo refuses the model, a picture of the surroundings cannot be read, or the
+            colour of the light is not valid.
     """
     wanted = set(props)
     with resources.as_file(resources.files("scenes")) as folder:
@@ -114,8 +115,9 @@ def with_stands(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 def _attach_robot(room: mujoco.MjSpec, robot: Design, camera: CameraConfig) -> None:
-    """Attach a robot's model to the room's model, at its base; its camera is then called `CAMERA`,
-    "robot/eye".
+    """Attach a robot's model to the room's model, at the robot's base, with the lag of its drives
+    and the camera's field of view, and add the stands of robot and camera. The robot's camera is
+    then called `CAMERA`, "robot/eye".
     """
     base = robot.base
     frame = room.worldbody.add_frame(pos=base.translation, quat=quaternion_of(base.rotation))

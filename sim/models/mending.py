@@ -21,7 +21,7 @@ SIZES = {
 """Numbers of sizes that may not be zero; the height of a capsule may be given by its ends."""
 LEAST_MASS = 0.001
 LEAST_INERTIA = 1e-6
-"""Of a moving body [kg, kg m^2]."""
+"""Least mass [kg] and least moments of inertia [kg m^2] of a moving body."""
 STICK = 0.015
 """Radius of the sticks that are drawn for a robot without shapes [m]."""
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
@@ -31,14 +31,15 @@ SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 @dataclass(frozen=True, slots=True)
 class Mended:
     """A record of the repairs of a robot's or target's model: shapes and textures that were left
-    out, each with the reason (`lost`), and names of bodies whose impossible mass or inertia was
-    replaced (`corrected`). As a text it is a sentence about both.
+    out, each with the reason (`lost`), and names of bodies whose impossible or incomplete mass or
+    inertia was replaced (`corrected`). As a text it lists both; the text is empty if there were no
+    repairs.
     """
 
     lost: list[Lost] = field(default_factory=list)
     """Shapes and textures that are not drawn, with the reason."""
     corrected: list[str] = field(default_factory=list)
-    """Names of bodies whose impossible mass or inertia was replaced."""
+    """Names of bodies whose impossible or incomplete mass or inertia was replaced."""
 
     def __str__(self) -> str:
         said = [f"not drawn: {listed(self.lost)}"] if self.lost else []

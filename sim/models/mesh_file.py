@@ -94,10 +94,10 @@ class _Beside:
     missing: list[Lost] = field(default_factory=list)
 
     def get(self, name: str) -> bytes:
-        """Return the content of a file.
+        """Return the content of a file. A file that cannot be read is added to `missing`.
 
         Raises:
-            FileNotFoundError: There is no such file.
+            FileNotFoundError: There is no such file, or it cannot be read.
         """
         plain = name.replace("\\", "/")
         bare = PureWindowsPath(name).name
@@ -114,11 +114,12 @@ class _Beside:
             raise FileNotFoundError from error
 
     def __getitem__(self, name: str) -> bytes:
-        """Return the content of a file; for a file of materials of all of them, as trimesh asks
-        for the first only.
+        """Return the contents of all files of materials that the OBJ file names, joined by line
+        breaks, whichever of them is asked for, because trimesh asks for the first only. If the mesh
+        names none, return the content of the file `name`.
 
         Raises:
-            FileNotFoundError: There is no such file.
+            FileNotFoundError: There is no such file, or it cannot be read.
         """
         found: list[bytes] = []
         for each in self.libraries or [name]:

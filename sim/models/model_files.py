@@ -35,7 +35,7 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 def said_by_mujoco(error: Exception) -> str:
     """Return the message of an error from MuJoCo's compiler on one line, without "Error:" or "XML
-    Error:" at its begin, to be part of a sentence.
+    Error:" at its beginning, to be part of a sentence.
     """
     lines = (line for line in str(error).splitlines() if line)
     return ", ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")

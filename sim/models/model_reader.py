@@ -139,7 +139,7 @@ def _check_limit(joint: Element) -> None:
     range.
 
     Raises:
-        ValueError: The lower limit is above the upper one.
+        ValueError: The lower limit is above the upper one, or a limit is not a number.
     """
     limit = joint.find("limit")
     if limit is None:
@@ -155,6 +155,9 @@ def _check_limit(joint: Element) -> None:
 def joint_speeds(path: Path) -> dict[str, float]:
     """Return the largest rates [rad/s or m/s] of the joints in a URDF file by name, which MuJoCo
     does not read; rates outside 0.001 to 1000 are left out. Return {} for an MJCF file.
+
+    Raises:
+        ValueError: A joint's largest rate is not a number.
     """
     if path.suffix.lower() != ".urdf":
         return {}
@@ -168,8 +171,15 @@ def joint_speeds(path: Path) -> dict[str, float]:
 
 
 def _mesh_file(name: str, model: Path, folder: Path) -> Path:
-    """Find a mesh: in its ROS package, which is beside or around the model, else at its path in the
-    folder for meshes or in a folder around the model.
+    """Return the path of a mesh file that a URDF file names: below the folder for meshes; else in
+    the ROS package that the name gives, which is beside or around the model; else, by the path
+    inside this package, below the folder for meshes or a folder around the model. Without such a
+    file it is a path below the folder for meshes.
+
+    Args:
+        name: Name of the mesh in the URDF file, such as "package://arm/link.stl".
+        model: The URDF file.
+        folder: The folder for meshes.
     """
     if is_file(folder / name):
         return (folder / name).resolve()

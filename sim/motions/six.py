@@ -13,7 +13,7 @@ from sim.geometry import exp_so3
 from sim.types import Array, Pose
 
 WAVES = 2
-"""Sines of which each coordinate is the mean."""
+"""Number of sines whose mean gives each coordinate."""
 SLOWEST = 0.4
 """Lowest frequency of a sine, over the highest."""
 MIDDLE = np.array([0.0, 0.0, 0.3])
@@ -38,7 +38,7 @@ class Config:
     turn_deg: Annotated[float, Ge(0), Le(180)] = 30.0
     """Largest rotation about the vertical [deg]."""
     tilt_deg: Annotated[float, Ge(0), Le(90)] = 20.0
-    """Farthest from level, in any direction [deg]."""
+    """Largest tilt from level, in any direction [deg]."""
 
     def build(self, rng: np.random.Generator) -> "Six":
         """Return the motion, whose frequencies and signs of the amplitudes are drawn from `rng`."""

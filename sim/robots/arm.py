@@ -8,7 +8,8 @@ from sim.kinematics.robot import Design, Drives, Inversion
 from sim.robots.mjcf import shipped
 
 ELBOW_UP = (0.0, -1.2, 1.2, 0.0, 0.0, 0.0)
-"""Joints [rad] near which every start lies: the elbow above the line from shoulder to wrist."""
+"""Joint positions [rad] at which the search for a start pose begins: the elbow is above the line
+from shoulder to wrist."""
 INVERSION = Inversion(weakest=0.1, damping=0.1)
 """Chosen by hand when the arm was added."""
 

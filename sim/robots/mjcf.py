@@ -27,7 +27,7 @@ WHAT = "robot model"
 AT_LIMIT = 0.01
 """A home may be this far outside of a joint's limits, which may be rounded [rad or m]."""
 FOLDER = "robots"
-"""Of the shipped models, in `scenes`."""
+"""Folder of the shipped models in `scenes`."""
 MENAGERIE = "menagerie:"
 ROOT = "MENAGERIE_ROOT"
 CHECKOUT = (
@@ -66,8 +66,8 @@ class Config(Drives):
     camera: str = ""
     """Name of a camera of the model, in place of flange and mount."""
     home: tuple[Home, ...] = ()
-    """Joint positions near which a start pose is sought, one after another [rad or m]; by default
-    everywhere."""
+    """Joint positions [rad or m] at which the search for a start pose begins, one posture after
+    another; by default it begins at random positions."""
     speed: tuple[Rate, ...] = ()
     """Largest rate of each joint, or one for all [rad/s or m/s]; by default the model's."""
 

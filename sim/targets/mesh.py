@@ -46,7 +46,8 @@ class Config(Outlined):
     up: Literal["x", "y", "z"] = "z"
     """Axis of the file that points up."""
     turn_deg: Degrees = 0.0
-    """Turn about the vertical, after the longer side is laid along the nose [deg]."""
+    """Turn about the vertical, counter-clockwise as seen from above, after the longer side is laid
+    along the nose [deg]."""
     colour: Colour | None = None
     """As "#rrggbb", or red, green and blue from 0 to 1; by default the colours and pictures of the
     .mtl that an OBJ file names, and yellow where it names none."""
@@ -60,7 +61,7 @@ class Config(Outlined):
 
         Raises:
             ValueError: A file cannot be read or is broken, the mesh has no texture coordinates for
-                the texture, or there is no such colour.
+                the texture, all its points lie on one vertical line, or there is no such colour.
         """
         path = file_of(self.file, "targets", ".obj", "file")
         own = self.colour is None and self.texture is None
@@ -77,7 +78,12 @@ class Config(Outlined):
             raise ValueError(f"{path}: {said_by_mujoco(error)}") from None
 
     def _spec(self, mesh: Triangles, given: Material, *, own: bool) -> mujoco.MjSpec:
-        """Return the model of the target, with the mesh's own materials or a given one."""
+        """Return the model of the target, with the mesh's own materials or a given one.
+
+        Raises:
+            ValueError: The given material has a picture, and the mesh no texture coordinates; or
+                all vertices lie on one vertical line.
+        """
         if given.picture is not None and mesh.places is None:
             raise ValueError(
                 "the mesh has no texture coordinates (vt) for the texture: add them to the file, "

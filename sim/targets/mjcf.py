@@ -31,8 +31,8 @@ class Config(Outlined):
         that stands for it in control. `rng` is not used.
 
         Raises:
-            ValueError: The file cannot be read or is damaged, has a plane, or has nothing that is
-                seen from above.
+            ValueError: The file cannot be read or is damaged, has a plane, has a site `outline`
+                that is not aligned with the model's axes, or has nothing that is seen from above.
         """
         path = file_of(self.model, "targets", ".xml", "model")
         spec = read_spec(path, "target")

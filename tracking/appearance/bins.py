@@ -149,7 +149,8 @@ class LabelledImage:
 
 def as_seen(image: Image, *, even: bool) -> Image:
     """Return a picture, RGB (H, W, 3), as it is or, with `even`, with the brightness made even:
-    each pixel's channels times 255 over its largest channel plus 8 grey levels, rounded down.
+    each channel of a pixel becomes 255 c / (m + 8), rounded down, where c is its value and m the
+    largest of the pixel's three [grey levels].
 
     Raises:
         ValueError: The array is not an RGB picture of uint8.

@@ -2,8 +2,8 @@
 that each have a kernel and a histogram.
 
 A template is read at points that move with the state, not at whole pixels, so that a histogram's
-normaliser is a constant, a state costs the same at every scale, and no point lies outside the
-object.
+normaliser is a constant, a state costs the same at every scale, and no point of a cell or an
+ellipse lies outside the target's rectangle.
 """
 
 from dataclasses import dataclass

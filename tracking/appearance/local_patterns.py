@@ -70,8 +70,8 @@ def ones_of(
 
 
 def _inner(grey: Grey, radius: float, dy: int, dx: int) -> Grey:
-    """Return the grey levels (h - 2m, w - 2m) that lie dy rows and dx columns from the inner
-    pixels.
+    """Return the grey levels (h - 2m, w - 2m) that lie dy rows below and dx columns right of the
+    inner pixels: those that are at least m, the radius [px] rounded up, from the border.
     """
     (height, width) = grey.shape
     margin = math.ceil(radius)
@@ -79,8 +79,9 @@ def _inner(grey: Grey, radius: float, dy: int, dx: int) -> Grey:
 
 
 def _between(grey: Grey, radius: float, dy: float, dx: float) -> Grey:
-    """Return the grey levels (h - 2m, w - 2m) that lie dy and dx [px] from the inner pixels, by
-    bilinear interpolation.
+    """Return the grey levels (h - 2m, w - 2m) that lie dy [px] below and dx [px] right of the inner
+    pixels, by bilinear interpolation. Inner pixels are at least m, the radius [px] rounded up, from
+    the border.
     """
     (near_y, far_y, by_y) = _split(dy)
     (near_x, far_x, by_x) = _split(dx)

@@ -52,7 +52,8 @@ class Views:
     def blurred(self, image: Image) -> Image:
         """Return a picture (H, W, 3) blurred for the comparison with views (pictures of 8 x 8
         points of the target): each pixel is the mean over an area of 1/8 of the target's width by
-        1/8 of its height, at the size that the target had when `learn` was called last.
+        1/8 of its height, at the size that the target had when `learn` was called last, or else
+        in the first picture.
         """
         sides = (self._region.width, self._region.height)
         width, height = (
@@ -101,8 +102,8 @@ class Views:
             most: Largest number n of states.
 
         Returns:
-            States of x, y [px], theta [rad], ln scale; n = 0 if the picture is larger than 1024
-            points of a view along a side, or smaller than a view.
+            States of x, y [px], theta [rad], ln scale; n = 0 if, at all three sizes, the
+            picture is larger than 1024 points of a view along a side, or smaller than a view.
         """
         found: list[tuple[float, list[float]]] = []
         for scale in (last.scale * size for size in SIZES):

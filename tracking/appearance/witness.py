@@ -164,8 +164,8 @@ class Witness:
         return found
 
     def _see(self, image: Image, state: State) -> None:
-        """Store the grey levels around a state, reduced so that a pixel is as large as the distance
-        of two points.
+        """Store the grey levels around a state, reduced by a whole number so that a pixel is about
+        as large as the distance of two points of the filter's window.
         """
         shrink = max(int(self._filter.step / 2 * state.scale + 0.25), 1)
         radius = REACH * float(np.abs(self._filter.points).max()) * state.scale + shrink

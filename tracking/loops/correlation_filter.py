@@ -36,7 +36,7 @@ def _between(values: Levels | Array, u: float, v: float) -> float:
 @compiled(error_model="numpy", fastmath=("contract",))
 def patch(grey: Levels, state: Array, points: Array) -> Array:
     """Return the grey levels (P,) at the template points of a target in a state, by bilinear
-    interpolation; beyond the picture's border its last pixels go on.
+    interpolation; beyond the picture's border those of the nearest pixels.
 
     Args:
         grey: Picture (H, W), at least 2 x 2 pixels.
@@ -88,8 +88,8 @@ def correlations(grey: Levels, states: Array, points: Array, templates: Array) -
 
 @compiled(error_model="numpy", fastmath=("contract",))
 def _normalise(found: Levels) -> None:
-    """Divide histograms (9, R, C) by the mean strength of the 3 x 3 cells around each, up to
-    `LARGEST`.
+    """Divide the histograms (9, R, C), in place, by sqrt(1 + 4 m), where m is the mean sum of
+    squares of the histograms in the 3 x 3 cells around each, and clip them to at most `LARGEST`.
     """
     count, rows, columns = found.shape
     energy = np.zeros((rows, columns))
@@ -112,9 +112,9 @@ def _normalise(found: Levels) -> None:
 
 @compiled(error_model="numpy", fastmath=("contract",))
 def gradients(levels: Array) -> Levels:
-    """Return histograms (9, R, C) of the gradients in cells of 2 x 2 pixels by their orientation:
-    nine orientations from 0 to 180 deg, a gradient counts by its strength and is shared between
-    two.
+    """Return histograms (9, R, C) of the gradients in cells of 2 x 2 pixels by their orientation,
+    which has nine bins from 0 to 180 deg: each gradient counts by its strength, shared between the
+    two nearest bins.
 
     Each histogram is divided by sqrt(1 + 4 m), where m is the mean sum of squares of the histograms
     in the 3 x 3 cells around it, and clipped to at most 0.4.

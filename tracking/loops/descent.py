@@ -244,7 +244,7 @@ def ssd_normal_equations(
     Args:
         sums: Sums of `kernel_histograms` (K, B, 5).
         totals: Totals of `kernel_histograms` (K, 5).
-        root_reference: Square roots of the reference histograms plus floor (K, B).
+        root_reference: q*_k, square roots (K, B) of the sums of reference histograms and `floor`.
         floor: Number added to every bin before the root is taken.
     """
     n_kernels, n_bins = root_reference.shape

@@ -149,9 +149,10 @@ def agreed(weights: Array, cells: NDArray[np.intp]) -> Array:
 def normal_equations(
     error: Array, weights: Array, rows: Array, template: Array, gain: float
 ) -> tuple[Array, Array]:
-    """Return curvature (10, 10) and gradient (10,) of half the sum of weighted squared errors, by
-    the eight parameters of the homography, gain and bias. The curvature's diagonal is slightly
-    enlarged, so that it can be inverted where the visible part has no texture.
+    """Return curvature (10, 10) and negative gradient (10,) of half the sum of weighted squared
+    errors, by the eight parameters of a step of the template, gain and bias. The curvature, that of
+    Gauss-Newton, has a slightly enlarged diagonal, so that it can be inverted where the visible
+    part has no texture.
 
     Args:
         error: Errors (n,) [grey levels]: picture minus gain times template minus bias.

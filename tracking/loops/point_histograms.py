@@ -3,7 +3,8 @@ state: Bhattacharyya coefficients with reference histograms, and mean shift.
 
 A state is (x, y, theta, ln scale). A point r of the template lies at (x, y) + scale R(theta) r in
 the image; the pixel there has the label of its bin, or a negative label if it belongs to no bin.
-Points on such pixels are left out of histogram and normaliser; points off the image stay in it.
+Points on such pixels are left out of the histogram and of its normaliser, the sum of the weights;
+points off the image are left out of the histogram alone.
 """
 
 import numpy as np
@@ -29,8 +30,9 @@ LEAST_KEPT = 1e-9
 def _read(window: Window, state: Array, template: Points, bins: int, scratch: Scratch) -> int:
     """Add the weights of the points at a state to the histogram in `scratch`.
 
-    The index of each point's bin, or -1, is written to the second array of `scratch`, and the
-    indices of the bins that are not zero to the third.
+    The index of each point's bin, or -1, is written to the second array of `scratch`, the indices
+    of the bins that are not zero to the third, and the weight of each part's points on pixels in no
+    bin to the fourth.
 
     Returns:
         The number of bins that are not zero.
@@ -165,7 +167,7 @@ def _mean_shift_step(
     window: Window, state: Array, template: Points, pulls: Array, root_q: Array, scratch: Scratch
 ) -> tuple[float, float, float]:
     """Return the Bhattacharyya coefficient at a state (4,), and x and y of its mean-shift vector in
-    the image [px].
+    the image [px]; three zeros if no point lies on a pixel in a bin of the reference.
     """
     count = _read(window, state, template, 0, scratch)
     points = template[0]

@@ -29,7 +29,7 @@ ENOUGH = 50.0
 """A tag that had sides of more than so many pixels is searched in a reduced picture; its edges are
 fitted in the full one."""
 CONTRAST = 0.25
-"""Least strength of half of an edge, over the range of brightness around all edges: where the
+"""Least median strength along an edge, over the range of brightness around all edges: where the
 border of the picture cuts the tag off there is no edge."""
 ALONG = np.linspace(0.06, 0.94, 40)
 ACROSS = np.linspace(-1.0, 1.0, 15)
@@ -45,8 +45,9 @@ misses upright tags that the other one finds."""
 
 @final
 class TagDetector:
-    """Finds the corners [px] of AprilTags 36h11 in a picture: two detectors of OpenCV find a tag,
-    and its corners are where lines fitted to its four edges meet.
+    """Finds the corners [px] of AprilTags 36h11 in a picture: a detector of OpenCV finds a tag, or,
+    where it finds none, a second one; the corners are where lines fitted to the tag's four edges
+    meet.
     """
 
     def __init__(self) -> None:
@@ -75,7 +76,8 @@ class TagDetector:
         self, image: Image, place: Array, number: int | None = None, around: Array | None = None
     ) -> Numbered | None:
         """Return the number and corners (4, 2) [px], clockwise from the top left of the tag's own
-        pattern, of the tag nearest to a place; None where no tag is seen with all four edges.
+        pattern, of the tag nearest to a place; None where no tag is seen, or not all four edges of
+        the nearest one.
 
         Args:
             image: The picture, RGB (H, W, 3).
@@ -132,14 +134,15 @@ def _tags_in(
 
 
 def _fitted(grey: Grey, corners: Array) -> Array | None:
-    """Return the corners (4, 2) [px] of a dark square, where lines fitted to its four edges meet.
+    """Return better corners (4, 2) [px] of a dark square with the approximate ones `corners` (4, 2)
+    [px]: where lines fitted to its four edges meet.
 
     The square is dark inside and bright outside. Along each edge the brightness is sampled across
     it; the edge is where it rises, weighed by how much. A line is fitted to these places by
     weighted least squares, twice.
 
     Returns:
-        The corners, or None where an edge is missing.
+        The corners, or None where an edge is missing, or one is more than 6 px from `corners`.
     """
     better = corners
     for _ in range(2):

@@ -23,9 +23,11 @@ from tracking.types import SET_BY_START, Estimate, Region, State, Status, check_
 from tracking.verdict import Signs, Verdict
 
 DISC_LIMITS = LossLimits(floor=0.5, cap=0.75)
-"""Limits of a distance of sampled histograms: of hard bins, it is never near 0."""
+"""Limits of the distance of sampled histograms, which is never near 0: each pixel counts in one bin
+alone."""
 WIDER = 3.0
-"""Factor on the particles' noise while a target without views is LOST: it may be anywhere."""
+"""Factor on the particles' noise while the target is LOST, without views and witness: it may be
+anywhere."""
 CLIMB = 6
 """Most histograms that mean shift reads for a particle in a layer."""
 CLIMB_TOLERANCE = 0.5
@@ -88,8 +90,8 @@ class ParticleTracker(ABC):
         """Learn the target's histograms and put all particles on its state.
 
         Raises:
-            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
-                picture.
+            ValueError: `check_region` refuses the picture or the region: a side of the region is
+                shorter than 4 px, for instance, or most of it is outside the picture.
         """
         check_region(frame, region, state)
         c = self._settings
@@ -161,8 +163,8 @@ class ParticleTracker(ABC):
         return estimate
 
     def _energy(self, image: LabelledImage, states: Array) -> Array:
-        """Return the energy (N,) of states (N, 4) by all witnesses: a particle is weighed by
-        exp(-gamma energy).
+        """Return the energy (N,) of states (N, 4), x, y [px], theta [rad], ln scale, by the colours
+        and, if there is one, the witness: a particle is weighed by exp(-gamma energy).
         """
         energy = self._model.energy(image, states)
         return energy if self._witness is None else energy + self._witness.energy(states)
@@ -170,9 +172,10 @@ class ParticleTracker(ABC):
     def _hear(
         self, witness: Witness, image: LabelledImage, proposed: State, time: float
     ) -> tuple[State, float, int]:
-        """Set the status by the verdict of all witnesses on the proposed state; if the target has
-        not been LOCKED for a while, also on the most similar places of the whole picture, to one
-        of which the estimate jumps if it convinces.
+        """Return the state to report, and set the status by how sure colours and witness are of it.
+        It is the proposed state. If the target has not been LOCKED for 0.5 s, the places of the
+        whole picture that are most similar to the target are judged, too, and the estimate jumps
+        to the best one that convinces.
 
         Args:
             witness: The witness beside the colours.
@@ -207,13 +210,16 @@ class ParticleTracker(ABC):
         return state, 1 - confidence, 1 + len(places)
 
     def _signs(self, witness: Witness, image: LabelledImage, state: State) -> Signs:
-        """Return what the colours and the other witness say of a state."""
+        """Return measures of how much the picture at a state looks like the target, by the witness
+        and by the colours.
+        """
         distance = float(self._model.distances(image, state.vector[None])[0])
         return Signs(*witness.signs(state), distance)
 
     def _strew(self, image: LabelledImage) -> None:
         """While the target is LOST, redraw a share of the particles uniformly over the picture
-        (sensor resetting), and move some to the places most like a stored view.
+        (sensor resetting) and, with `views`, move some to the places most like a stored view. With
+        `witness`, do nothing.
         """
         if self._status is Status.LOST and self._witness is None:
             height, width = image.image.shape[:2]

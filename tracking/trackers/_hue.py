@@ -49,7 +49,10 @@ class HueModel:
         self._ratio = np.minimum(counted * self._reference / np.maximum(everywhere, 1.0), 1.0)
 
     def back_projection(self, image: Image) -> NDArray[np.uint8]:
-        """Return the back-projection (H, W): for each pixel the ratio of its hue, 0..255."""
+        """Return the back-projection (H, W), 0..255, of a picture, RGB (H, W, 3): for each pixel
+        the share of the target among all pixels of its hue in the first picture, scaled so that the
+        likeliest hue gets 255; 0 for grey and dark pixels.
+        """
         hsv, mask = self._hsv(image)
         # Mean shift is the same for any common factor: the likeliest hue gets 255.
         scaled = self._ratio / max(float(self._ratio.max()), 1e-12) * 255
@@ -65,7 +68,7 @@ class HueModel:
 
     def _histogram(self, image: Image, state: State) -> tuple[Array, float]:
         """Return the hue histogram (`BINS`,) of the ellipse in the turned region, which sums to 1,
-        and the number of pixels that it counts.
+        or to 0 if all its pixels are grey or dark, and the number of pixels that it counts.
         """
         x, y, width, height = box_of(self._region, state, image)
         hsv, mask = self._hsv(image[y : y + height, x : x + width])
@@ -101,8 +104,8 @@ class HueTracker:
         """Learn the target's hue histogram.
 
         Raises:
-            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
-                picture.
+            ValueError: `check_region` refuses the picture or the region: a side of the region is
+                shorter than 4 px, for instance, or most of it is outside the picture.
         """
         check_region(frame, region, state)
         self._region = region

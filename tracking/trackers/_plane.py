@@ -29,7 +29,8 @@ def through(H: Array, points: Array) -> Array:
 
 def state_of(corners: Array, region: Region, last: State) -> State:
     """Return the state of a region from its corners in the picture: centre (where the diagonals
-    cross), angle from there to the middle of the side 1-2, and scale by the root of the area.
+    cross), angle from there to the middle of the side between the second and the third corner, and
+    scale by the root of the area.
 
     Args:
         corners: The region's corners (4, 2) [px].

@@ -9,7 +9,7 @@ from tracking.trackers import condensation
 from tracking.trackers._cloud import CloudMethod, CloudSettings
 
 LAYERS = 5
-"""Number of layers: the KAMS paper's M = 4."""
+"""Number of layers: the KAMS paper numbers them from M = 4 down to 0."""
 FIXED: dict[str, object] = condensation.FILTER | {
     "velocity_memory": 1.0,
     "schedule": Schedule.FIXED,

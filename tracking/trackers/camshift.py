@@ -41,11 +41,11 @@ class Camshift(HueTracker):
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn the target's hue histogram from the first frame, in which it is the rectangle
         `region` [px] at `state`, and fit a first ellipse: the size in later frames is relative to
-        its area.
+        its area (to the region's, if CamShift finds nothing).
 
         Raises:
-            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
-                picture.
+            ValueError: `check_region` refuses the picture or the region: a side of the region is
+                shorter than 4 px, for instance, or most of it is outside the picture.
         """
         super().start(frame, region, state)
         self._box = box_of(region, state, frame.image)

@@ -48,16 +48,16 @@ class CvMil(HueTracker):
         which the target is the rectangle `region` [px] at `state`.
 
         Raises:
-            ValueError: The region is too small for OpenCV's tracker, or most of it is outside the
-                picture.
+            ValueError: `check_region` refuses the picture or the region (most of it is outside the
+                picture, for instance), or the region is too small for OpenCV's tracker.
         """
         super().start(frame, region, state)
         self._mil = Cv2Tracker("MIL", (), self._seed)
         self._mil.init(np.ascontiguousarray(frame.image), box_of(region, state, frame.image))
 
     def _found(self, frame: Frame, ego: Array | None) -> State:
-        """Return the state at the box that OpenCV finds around its last one; the camera's motion is
-        not used.
+        """Return the state at the box that OpenCV finds around its last one, or the last state if
+        it finds none; the camera's motion is not used.
         """
         found, box = self._mil.update(np.ascontiguousarray(frame.image))
         if not found:

@@ -44,8 +44,8 @@ class Frozen:
         used.
 
         Raises:
-            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
-                picture.
+            ValueError: `check_region` refuses the picture or the region: a side of the region is
+                shorter than 4 px, for instance, or most of it is outside the picture.
         """
         check_region(frame, region, state)
         self._state = state

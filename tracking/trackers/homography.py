@@ -1,5 +1,5 @@
-"""Tracker of a textured plane, which is aligned directly, brightness by brightness, with eight
-degrees of freedom.
+"""Tracker of a textured plane, which is aligned directly, by the brightness of its pixels, with
+eight degrees of freedom.
 
 Baker, Matthews 2004, "Lucas-Kanade 20 Years On: A Unifying Framework" (International Journal of
 Computer Vision 56(3)), inverse compositional; Tukey's weights as in Hager, Belhumeur 1998,
@@ -112,8 +112,8 @@ class Homography:
         frames.
 
         Raises:
-            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
-                picture.
+            ValueError: `check_region` refuses the picture or the region: a side of the region is
+                shorter than 4 px, for instance, or most of it is outside the picture.
         """
         check_region(frame, region, state)
         self._region = region
@@ -200,7 +200,7 @@ class Homography:
         return corners, light, 0.0, np.inf
 
     def _learn(self, image: Image, side: int) -> Level:
-        """Return a template with so many points along each side, read from the first picture."""
+        """Return a template with `side` points along each side, read from the first picture."""
         middle = (np.arange(side) + 0.5) / side - 0.5
         points = np.stack(np.meshgrid(middle, middle), axis=-1).reshape(-1, 2)
         part, to_part = _part(image, self._corners, len(points))
@@ -223,9 +223,9 @@ class Homography:
 
 
 def _part(image: Image, corners: Array, count: int) -> tuple[NDArray[np.float32], Array]:
-    """Return the grey picture around a quadrangle (4, 2) [px], reduced to about `count` pixels
-    inside it, and the matrix (3, 3) from the coordinates of `image` to those of the reduced
-    picture.
+    """Return the grey picture around a quadrangle (4, 2) [px], smoothed and, if it is larger,
+    reduced to about `count` pixels inside the quadrangle; and the matrix (3, 3) from the
+    coordinates of `image` to those of the reduced picture.
     """
     size = np.ptp(corners, axis=0)
     ends = np.array(image.shape[1::-1])

@@ -29,8 +29,8 @@ from tracking.types import (
 SCALE_STEP = 0.1
 """With scale, sizes 10 % smaller and larger are tried too (Comaniciu, Ramesh, Meer)."""
 SCALE_TRUST = 0.1
-"""Share of the best size that the next one takes over (the same): Bhattacharyya prefers to
-shrink."""
+"""Share of the way to the best size that the next one goes (the same paper): the Bhattacharyya
+coefficient prefers small sizes."""
 NEIGHBOURS = np.exp(1j * np.arange(8) * np.pi / 4)
 """Directions of the eight places around the target."""
 PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
@@ -100,8 +100,9 @@ class Config(ClimbSettings):
 @final
 class MeanShift:
     """Tracker that in each frame moves from the predicted state to a local maximum of the
-    similarity to the target's histogram by mean shift (a climb). The angle keeps its first value;
-    the size does, too, unless `settings.climb.scale` is True.
+    similarity to the target's histogram by mean shift (a climb). The search leaves the angle and,
+    unless `settings.climb.scale` is True, the size as they are: only the camera's motion changes
+    them, where it is given.
     """
 
     _model: SampledModel = SET_BY_START
@@ -115,8 +116,8 @@ class MeanShift:
         [px] at `state`.
 
         Raises:
-            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
-                picture.
+            ValueError: `check_region` refuses the picture or the region: a side of the region is
+                shorter than 4 px, for instance, or most of it is outside the picture.
         """
         check_region(frame, region, state)
         self._model = self._settings.model(frame.image, region, state)

@@ -63,7 +63,7 @@ class Config(SimilaritySettings):
     """Points along each side of a cell at which a particle reads the image."""
     combine: Combine = "mean"
     """The cells' squared distances are combined by their mean, or by their sum, as Perez et al.
-    have it, which is the mean with so many times gamma."""
+    have it; the sum acts like the mean with gamma multiplied by the number of cells."""
 
     @property
     def sampling(self) -> Sampling:

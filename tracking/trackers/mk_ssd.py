@@ -76,8 +76,8 @@ class MkSsd:
         not followed.
 
         Raises:
-            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
-                picture.
+            ValueError: `check_region` refuses the picture or the region: a side of the region is
+                shorter than 4 px, for instance, or most of it is outside the picture.
         """
         check_region(frame, region, state)
         c = self._config

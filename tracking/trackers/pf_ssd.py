@@ -63,11 +63,11 @@ class Config(SimilaritySettings):
     density: CellPoints = 4
     """Points along each side of a cell at which a particle reads the image."""
     combine: Combine = "mean"
-    """The cells' squared distances are combined by their mean, or by their sum, which is the mean
-    with so many times gamma."""
+    """The cells' squared distances are combined by their mean, or by their sum, which acts like
+    the mean with gamma multiplied by the number of cells."""
     occluded: Share = 0.6
-    """The paper's tau: no descent where the filter's mean is farther from the target than this
-    distance d_m."""
+    """The paper's tau: no descent where the distance d_m of the histograms at the filter's mean
+    exceeds this."""
     trust: Annotated[float, Ge(0), Le(1000)] = 0.6
     """Largest distance of the descent's end from the filter's mean at which the end is used, over
     the target's size.
@@ -103,9 +103,11 @@ class Config(SimilaritySettings):
 class PfSsd(ParticleTracker):
     """Particle filter whose mean is refined by Newton's descent on histograms. Without the settings
     `views` and `witness`, it reports the descent's end if the target is seen there, and else the
-    mean of the particles; with one of them, whichever of both is more like the learnt appearance.
-    There is no descent where the mean's distance exceeds `occluded`, and an end farther away than
-    `trust` is not used.
+    mean of the particles; with one of them, whichever of both is more like the learnt appearance,
+    or, with `witness`, another place to which a lost target's estimate jumps. After a frame in
+    which the target was not seen, a second descent begins at the best particle. There is no descent
+    from a state whose distance exceeds `occluded`, and an end farther away than `trust` is not
+    used.
     """
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
@@ -117,8 +119,8 @@ class PfSsd(ParticleTracker):
         is the rectangle `region` [px] at `state`, and put all particles on this state.
 
         Raises:
-            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
-                picture.
+            ValueError: `check_region` refuses the picture or the region: a side of the region is
+                shorter than 4 px, for instance, or most of it is outside the picture.
         """
         super().start(frame, region, state)
         c = self._config
@@ -142,9 +144,9 @@ class PfSsd(ParticleTracker):
         """Report the end of a descent where the target is seen there, else the proposed state.
 
         The end of a descent has its own covariance, because the particles spread as they are moved,
-        whether the picture shows the state or not. With views the end is reported where it is more
-        like the learned appearance than the proposed state is: the descent knows the first picture
-        only.
+        whether the picture shows the state or not. With views or a witness, the end is reported
+        where it is more like the learned appearance than the proposed state is (the descent knows
+        the first picture only), and a witness may make the estimate jump to another place.
         """
         end = self._descend(image.image, proposed)
         evaluations = end.evaluations
@@ -179,8 +181,9 @@ class PfSsd(ParticleTracker):
         return proposed, self._cloud.covariance(), distance, evaluations
 
     def _descend(self, image: Image, proposed: State) -> Descent:
-        """Return the end of a descent from a state that the particles propose; the proposed state
-        with distance 1 if the descent ends farther away than `trust` allows.
+        """Return the end of a descent from a state that the particles propose; that state itself if
+        its distance exceeds `occluded`, or, with distance 1, if the descent ends farther away than
+        `trust` allows.
         """
         descent = self._kernels.descend(image, proposed, most=STEPS, hopeless=self._config.occluded)
         moved = descent.state.vector - proposed.vector

@@ -116,9 +116,9 @@ class Tag:
 
 def _in_plane(seen: Array, region: Region, state: State) -> Array:
     """Return the corners (4, 2) of the region in the plane of a tag with corners `seen` (4, 2)
-    [px], in units of the black square's side.
+    [px], from the centre of the black square, in units of its side.
 
-    The region is a rectangle in that plane, too, with its centre, direction, area and ratio of
+    They form a rectangle in that plane, too, with the region's centre, direction, area and ratio of
     sides.
     """
     # In the tag's plane the region keeps its shape, whatever the perspective of the first picture.

@@ -23,10 +23,10 @@ NO_TRUTH = (
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of an ideal tracker: standard deviations of the centre and of corners [px], the
-    angle [deg] and the size [%], all normally distributed and independent from picture to picture;
-    the share of pictures in which the target is reported as not seen; and whether corners are
-    reported.
+    """Settings of an ideal tracker: standard deviations of the errors of the centre and of corners
+    [px], the angle [deg] and the size [%], all normally distributed (that of the size in ln scale)
+    and independent from picture to picture; the share of pictures in which the target is reported
+    as not seen; and whether corners are reported.
     """
 
     noise: Annotated[float, Ge(0), Le(100)] = 0.0
@@ -57,7 +57,7 @@ class Config:
 class TruthTracker:
     """An ideal tracker for simulations: it reports the true state, which the simulation passes to
     `see`, with noise and dropouts drawn from `rng`; LOST where the target's centre is outside the
-    picture.
+    picture, or behind the camera.
     """
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
@@ -86,8 +86,8 @@ class TruthTracker:
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Return the true state with drawn errors, LOCKED, and with the covariance of these errors.
         In a dropout, or if the corners with noise are no convex outline (UNSURE), or with the
-        target's centre outside the picture (LOST), return the last state, moved by `ego` if it is
-        given.
+        target's centre outside the picture or behind the camera (LOST), return the last state,
+        moved by `ego` if it is given, with a covariance of nan.
 
         Args:
             frame: The next frame; only its size is used.
