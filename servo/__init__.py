@@ -86,7 +86,7 @@ HOMES = {
     "tracking": ("create",),
     "tracking.types": ("Estimate", "Region", "State", "Status", "Tracker"),
 }
-"""The module that each public name is imported from."""
+"""The public names, by the module that they are imported from."""
 PACKAGES = ("scenes", "sim", "tracking")
 """The packages that are installed beside this one."""
 

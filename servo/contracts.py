@@ -15,7 +15,7 @@ import numpy as np
 
 from servo.parts import FeatureSet
 from servo.types import DOF, Command, Mode, OwnMotion, Prediction, Sight, Trace
-from sim.channels import VIEWED, Sees, needs_of
+from sim.channels import BY_ARGUMENTS, Channel, Sees, needs_of
 from sim.geometry import is_finite, is_rotation
 from sim.outline import area
 from sim.types import Array, Effect, Pose
@@ -240,7 +240,7 @@ COMMAND = (
 )
 """The rules of `servo.types.Command`."""
 EFFECT = tuple(
-    Rule(field, partial(_is_number, least=0), "it should be a factor of at least 0")
+    Rule(field, partial(_is_number, least=0), f"it should be a factor from 0 to {LARGEST:g}")
     for field in ("gain", "lamp")
 )
 """The rules of `sim.types.Effect`."""
@@ -325,7 +325,7 @@ def check_features(features: FeatureSet, method: str, found: object, *_: object)
     fits = values.dtype.kind in "fiu" and is_finite(values)
     if method == "error" and not fits:  # nan is the error of a feature that was not measured
         fits = is_array(values, shape, finite=False) and not np.isinf(values).any()
-    require(fits, "{} returned {}; all must be finite", method, values)
+    require(fits, "{} returned {}; all must be finite real numbers", method, values)
     if method == "scales":
         require((values > 0).all(), "scales returned {}; all must be above 0", values)
 
@@ -344,8 +344,8 @@ def require_array(found: object, shape: tuple[int, ...], method: str) -> Array:
     """
     if isinstance(found, np.ndarray) and found.shape == shape:
         return found
-    what = found.shape if isinstance(found, np.ndarray) else type(found).__name__
-    raise BrokenContract(f"{method} returned {what}; it should be {shape}")
+    what = f"an array {found.shape}" if isinstance(found, np.ndarray) else type(found).__name__
+    raise BrokenContract(f"{method} returned {what}; return a NumPy array {shape}")
 
 
 def check_names(features: FeatureSet) -> None:
@@ -535,7 +535,7 @@ FEATURES = ("values", "matrix", "error", "known", "scales")
 
 
 OPTIONAL: Mapping[str, Mapping[str, Check]] = {"tracker": {"outline": check_outline}}
-"""For each section, checks of the values that methods return which not all components have."""
+"""Checks of the values that optional methods return, by the component's place in a scenario."""
 
 
 def _checks_of(place: str, part: object) -> Mapping[str, Check | None]:
@@ -586,18 +586,19 @@ def check_built(place: str, built: object) -> None:
             pass
 
 
-def check_sees(config: object, built: object) -> None:
+def check_sees(place: str, config: object, built: object) -> None:
     """Check that a component has a method `see` if its settings declare in `needs` a channel (a
-    kind of data) that only this method delivers: `Channel.TRUTH`, `TRUE_MOTION` or `SEEN`.
+    kind of data) that only this method delivers, such as `Channel.TRUTH`.
 
     Args:
+        place: Name of the component's section in a scenario, such as "tracker".
         config: The component's settings.
         built: The component.
 
     Raises:
         BrokenContract: Such a channel is declared, and the component has no method `see`.
     """
-    viewed = needs_of(config) & VIEWED
+    viewed = needs_of(config) - BY_ARGUMENTS.get(place, frozenset(Channel))
     require(
         not viewed or isinstance(built, Sees),
         "its Config needs {}, but it has no method see(view) to take that",
@@ -621,7 +622,7 @@ def _check_model(place: str, built: object) -> None:
 
 def check_followed(features: FeatureSet, estimate: Estimate, goal: Sight) -> None:
     """Check that at least one feature can be measured with what a tracker follows: the target's
-    angle and its size, each also by the target's corners. A tracker that follows both always
+    angle, its size, or its corners, which show both. A tracker that follows angle and size always
     passes.
 
     Args:

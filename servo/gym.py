@@ -64,7 +64,8 @@ LAST_SEED = 2**31
 """Upper bound of drawn seeds."""
 SEED = "a seed cannot be set here: give it as reset(seed=...)"
 LEVEL_DOF = [0, 1, 2, 5]
-"""Components of the twist in an action, by default: vx, vy, vz, wz."""
+"""Components of the twist in an action for a law whose settings do not choose any: vx, vy, vz, wz.
+"""
 
 
 class ServoEnv(gymnasium.Env[Any, Any]):
@@ -96,7 +97,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             observation: "features" (numbers), "picture" (RGB) or "both".
             action: "twist" (the camera's whole twist) or "residual" (added to the law's twist).
             reach: Speed [m/s] and angular speed [rad/s] of an action of 1.
-            dof: Components of the twist in an action; by default those that the law moves.
+            dof: Components of the twist in an action; by default those that the law's settings let
+                move, all six for a policy, and vx, vy, vz, wz for another law without such a
+                setting.
             render_mode: "rgb_array", "human" (a window) or None.
             goal_picture: Whether `reset` returns the camera's picture at the goal, as
                 info["goal_picture"]. It is taken first, which changes the sensor noise of the run.
@@ -106,7 +109,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
                 `servo.load`.
 
         Raises:
-            Mistake: The scenario, a setting or a choice does not exist, or there is no display.
+            Mistake: The scenario, a setting or a choice does not exist, a value is not allowed, a
+                setting changes the seed, or there is no display for "human".
         """
         one_of(observation, "observation", OBSERVATIONS)
         one_of(action, "action", ACTIONS)
@@ -255,10 +259,13 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             target's true corners from their goals; terminated, True if the tracker has lost the
             target or its true centre is out of the picture; truncated, True if the scenario's
             duration is over and the run is not terminated; and info, with the time [s], d as
-            "distance_px", the tracker's status, the twist (6,) that the control law commands from
-            this picture, before an action is added ("twist", in the camera frame [m/s, rad/s]), the
-            joint positions [m or rad], and the camera's pose and its goal relative to the target,
-            as matrices (4, 4) [m].
+            "distance_px", "is_success" (True if d is at most 10 px), the four distances
+            ("reward_terms"), the distances of the target's true centre from its goal and from the
+            tracker's estimate ("servo_error_px", "tracking_error_px"), the tracker's status, the
+            twist (6,) that the control law commands from this picture, before an action is added
+            ("twist", in the camera frame [m/s, rad/s]), the joint positions [m or rad], the
+            camera's pose and its goal relative to the target, as matrices (4, 4) [m], and, if the
+            camera measures it, the depth picture (H, W) [m].
 
         Raises:
             Mistake: No run has begun, it is over, or the action is not n finite numbers.
@@ -324,7 +331,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
     def _observed(self, step: Step) -> Observation:
         """Return the observation. Its features, in this order: k feature errors and k rates that
         the target's own motion causes (estimated), over `FeatureSet.scales`; the camera's measured
-        twist (6); the last action; and 1 if the target is seen, else 0.
+        twist (6); the last action; and 1 if the target is seen, else 0. Unknown numbers are 0, and
+        all are clipped to -10..10.
         """
         picture = step.frame.image
         if self._observation == "picture":

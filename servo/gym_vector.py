@@ -38,7 +38,8 @@ class ServoVectorEnv(VectorEnv[Any, Any, Any]):
             **settings: Arguments of `ServoEnv`, the same for all.
 
         Raises:
-            Mistake: `num_envs` is no whole number above 0, or `ServoEnv` refuses an argument.
+            Mistake: `num_envs` is no whole number above 0, `render_mode` is "human", or `ServoEnv`
+                refuses an argument.
         """
         self.num_envs = whole(num_envs, "num_envs", 1)
         first = ServoEnv(**settings)
@@ -136,7 +137,9 @@ class ServoVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _check_count(self, what: str, count: int) -> None:
         if count != self.num_envs:
-            raise Mistake(f"{what}: expected one for each of {self.num_envs}, got {count}")
+            raise Mistake(
+                f"{what}: expected one for each of the {self.num_envs} environments, got {count}"
+            )
 
     def _batch(self, seen: Sequence[Observation]) -> Any:
         """Return the observations of all environments as one, in new arrays."""

@@ -10,7 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE)
-"""Errors of a machine that has no more room, or no more open files."""
+"""Error numbers (`errno`) of a machine whose disk is full or fails, or that has too many files
+open."""
 MISPLACED = (
     errno.ENOENT,
     errno.ENOTDIR,
@@ -22,9 +23,10 @@ MISPLACED = (
     errno.EPERM,
     errno.EROFS,
 )
-"""Errors of a path that the user chose: it cannot be what it should be."""
+"""Error numbers (`errno`) that say that the path which the user chose is wrong: it does not exist,
+is of another kind, or may not be used."""
 LONGEST = 2000
-"""A sentence that quotes more than can be read keeps its two ends [characters]."""
+"""Largest length of a sentence [characters]; of a longer one the middle is left out."""
 
 
 class Mistake(ValueError):

@@ -54,7 +54,7 @@ from tracking.drawing.figures import Drawing
 from tracking.drawing.picture_bytes import encoded
 
 QUALITY = 95
-"""Of the pictures that are kept, as JPEG: 30 kB instead of 230 kB for one of 320 x 240 px."""
+"""JPEG quality of the pictures that are kept: 30 kB instead of 230 kB for one of 320 x 240 px."""
 MISSING = "the extra 'notebook' is not installed: pip install 'servobench[notebook]'"
 
 
@@ -164,8 +164,8 @@ class Run(Sequence[Step]):
     @cached_property
     def measures(self) -> Any:
         """Table with a row for each measure: its value, unit, bound (empty without one) and
-        meaning. A pandas DataFrame whose index is the measures' names, or, without pandas, an Arrow
-        table that prints as one.
+        meaning. A pandas DataFrame whose index is the measures' names, or, without pandas, a
+        `TextTable`: an Arrow table that prints its rows and columns.
         """
         columns = {
             "measure": list(MEASURES),
@@ -208,7 +208,7 @@ class Run(Sequence[Step]):
         (time,) = arguments.numbers((time,), "frame(time)", 1).tolist()
         if not times[0] <= time <= times[-1]:
             raise Mistake(
-                f"frame({time:g}): this time is not in the run, from 0 to {times[-1]:.2f} s"
+                f"frame({time:g}): this time is not in the run, from 0 to {times[-1]:.6g} s"
             )
         return Pillow.fromarray(annotated(self[int(np.abs(times - time).argmin())]))
 

@@ -170,13 +170,13 @@ class Prediction:
     motion: Array
     """Estimated de/dt (k,) caused by the target's own motion [1/s]."""
     innovation: Array
-    """Measured minus expected error (k,); nan for features that were not measured. A filter of
-    de/dt multiplies its innovation by the frame interval."""
+    """Measured minus expected error (k,); nan for features that were not measured, and without a
+    filter. A filter of de/dt multiplies its innovation by the frame interval."""
     nis: Array
     """Normalised innovation squared (k,): innovation squared over its variance, 1 on average if the
-    filter's model fits; nan for features that were not measured."""
+    filter's model fits; nan where the innovation is."""
     variance: Array | None = None
-    """Variances (2, k) that the filter states for `error` and `motion`; None without a filter."""
+    """Variances (2, k) of `error` and `motion`; None if the estimator states none."""
 
     def times(self, scales: Array) -> Prediction:
         """Return a copy of the prediction with error, motion and innovation multiplied by scales
@@ -198,7 +198,7 @@ class Prediction:
             error: Feature error (k,) for the law, divided by `FeatureSet.scales`.
             motion: Estimated de/dt (k,) caused by the target's own motion, divided by the same
                 scales [1/s].
-            variance: Variances (2, k) of error and motion; None without a filter.
+            variance: Variances (2, k) of error and motion; None if the estimator states none.
         """
         none = np.full(len(error), np.nan)
         return Prediction(error, motion, none, none, variance)
@@ -223,7 +223,7 @@ class Trace:
     """
 
     features: Array
-    """Features s (k,); those last measured while the target is not seen."""
+    """Features s (k,); while the target is not seen, those that were measured last."""
     error: Array
     """Feature error e = s - s* (k,)."""
     prediction: Prediction
@@ -236,8 +236,7 @@ class Trace:
     servoed: NDArray[np.bool_] | None = None
     """True (k,) for each feature that the robot's joints can change; None: all of them."""
     held: NDArray[np.bool_] | None = None
-    """True (n,) for each joint that the law does not move because its range ends; None: it moves
-    all."""
+    """True (n,) for each joint that the law holds at an end of its range; None: it holds none."""
 
 
 @dataclass(frozen=True, slots=True)

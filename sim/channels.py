@@ -5,7 +5,7 @@ frozenset({Channel.TRUTH})`. The component receives their data by its method `se
 called before its other methods that work on a picture; the `View` holds the declared channels only.
 The goal's picture and the ego motion are not in it: feature sets and controllers find the goal's
 picture in the `Sight` that they are given, and a tracker gets the ego motion as an argument of
-`update`. `GIVEN` says which channels the components of each section can declare.
+`update`. `given_to` says which channels the components of a section can declare.
 """
 
 from collections.abc import Set
@@ -80,15 +80,18 @@ class View:
         )
 
 
-GIVEN = {
-    "tracker": frozenset({Channel.PICTURE, Channel.DEPTH, Channel.EGO_MOTION, Channel.TRUTH}),
-    **dict.fromkeys(
-        ("features", "estimator", "controller"), frozenset(Channel) - {Channel.EGO_MOTION}
-    ),
+BY_ARGUMENTS = {
+    "tracker": frozenset({Channel.PICTURE, Channel.DEPTH, Channel.EGO_MOTION}),
+    "features": frozenset({Channel.PICTURE, Channel.GOAL_PICTURE}),
+    "estimator": frozenset[Channel](),
+    "controller": frozenset({Channel.PICTURE, Channel.GOAL_PICTURE}),
 }
-"""The channels that a component can be given, by the name of its section in a scenario."""
-VIEWED = frozenset({Channel.TRUTH, Channel.TRUE_MOTION, Channel.SEEN})
-"""Channels that reach a component by `see` alone."""
+"""The channels that reach a component by the arguments of its methods, by the name of its section
+in a scenario."""
+VIEWED = frozenset({Channel.PICTURE, Channel.DEPTH, Channel.TRUTH})
+"""The channels that reach each of these components by `see`."""
+OF_THE_LAW = frozenset({Channel.TRUE_MOTION, Channel.SEEN})
+"""The channels that reach features, estimator and controller by `see`, but not a tracker."""
 
 
 @runtime_checkable
@@ -126,13 +129,19 @@ def needs_of(config: object, usual: Channels = frozenset()) -> Channels:
     return config.needs if isinstance(config, Declares) else usual
 
 
+def given_to(place: str) -> Channels:
+    """Return the channels that components of a section, such as "tracker", can be given."""
+    viewed = VIEWED if place == "tracker" else VIEWED | OF_THE_LAW
+    return BY_ARGUMENTS[place] | viewed
+
+
 def channels_fault(place: str, config: object) -> str:
     """Return, as a clause for a message, what is wrong with the channels that a component declares
     in the `needs` of its settings: they are no set of channels, or components of this section
     cannot get one of them. Return "" if nothing is wrong.
 
     Args:
-        place: Name of the component's section in a scenario, such as "tracker"; a key of `GIVEN`.
+        place: Name of the component's section in a scenario, a key of `BY_ARGUMENTS`.
         config: The component's settings.
     """
     needs = needs_of(config)
@@ -141,7 +150,7 @@ def channels_fault(place: str, config: object) -> str:
             f"needs of its Config is {needs!r}, which is no set of servo.Channel members: give a "
             "frozenset of these"
         )
-    known = GIVEN[place]
+    known = given_to(place)
     unknown = needs - known
     if unknown:
         return (

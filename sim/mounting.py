@@ -50,7 +50,9 @@ class CameraInHand:
         """
         eye = model.site(CAMERA)
         camera = model.camera(CAMERA)
-        same = np.allclose([*eye.pos, *eye.quat], [*camera.pos, *camera.quat], atol=1e-9)
+        # A quaternion and its negative are the same orientation.
+        turned = min(np.linalg.norm(eye.quat - s * camera.quat) for s in (1, -1))
+        same = np.allclose(eye.pos, camera.pos, atol=1e-9) and turned < 1e-8
         if eye.bodyid != camera.bodyid or not same:
             raise ValueError(
                 f"{place}: the site '{EYE}' is not where the camera '{EYE}' is: give both the same "

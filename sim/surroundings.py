@@ -29,6 +29,7 @@ FLOOR = "floor"
 TOYS = "toy"
 LAMP = "lamp"
 """Names in the room's model: the material of the table is WOOD, the class of its things TOYS."""
+GREY = np.full((1, 3), 0.5)
 LOWEST = 0.0003
 HIGHEST = 0.0009
 """Heights of flat things [m]: each has its own, so that none shines through another."""
@@ -225,7 +226,8 @@ def _light(room: mujoco.MjSpec, light: LightConfig) -> None:
 
 def colours_of(target: mujoco.MjSpec) -> Array:
     """Return colours (n, 3), RGB from 0 to 1, that occur in a target's model: for each geom its
-    plain colour, or, if it has a picture, the colours of about 16 of the picture's pixels.
+    plain colour, or, if it has a picture, the colours of about 16 of the picture's pixels. For a
+    model without geoms it is grey.
     """
     model = target.copy().compile()
     found = list[Array]()
@@ -238,7 +240,7 @@ def colours_of(target: mujoco.MjSpec) -> Array:
         else:
             plain = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
             found.append(plain[None, :3].astype(float))
-    return np.concatenate(found)
+    return np.concatenate(found or [GREY])
 
 
 def _strew(

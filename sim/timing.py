@@ -98,6 +98,8 @@ def exposures(camera: CameraConfig, steps: int) -> tuple[Band, ...]:
     for i, end in enumerate(ends.tolist()):
         share = np.interp(rows, ends, np.arange(len(ends)) == i)
         within = np.flatnonzero(share)
+        if not len(within):
+            continue  # more bands than rows
         weights = share[within].astype(np.float32)[:, None, None]
         found.append(Band(int(within[0]), weights, _subframes(camera, steps, end)))
     return tuple(found)

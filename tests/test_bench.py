@@ -191,8 +191,8 @@ BAD = {
     ),
     "the same twice": (
         ["clutter", "--trackers", "kams,kams", "--seeds", "1"],
-        "--trackers: two trackers are called 'kams': leave one out, or give it another name, "
-        "which is a sequence's folder or a tracker's label in a suite's file",
+        "--trackers: two trackers are called 'kams': leave one out, or rename it: a recorded "
+        "sequence by its folder, a tracker by its label in a suite's file",
     ),
     "no file": (["gone.toml"], "gone.toml: cannot read this suite: No such file or directory"),
     "no key": (["odd.toml"], "odd.toml: there is no key 'sequence'; did you mean 'sequences'?"),
@@ -204,13 +204,13 @@ BAD = {
     ),
     "the same sequence twice": (
         ["twice.toml"],
-        "twice.toml: two sequences are called 'similarity': leave one out, or give it another "
-        "name, which is a sequence's folder or a tracker's label in a suite's file",
+        "twice.toml: two sequences are called 'similarity': leave one out, or rename it: a "
+        "recorded sequence by its folder, a tracker by its label in a suite's file",
     ),
     "the same label twice": (
         ["label.toml"],
-        "label.toml: two trackers are called 'kams': leave one out, or give it another name, "
-        "which is a sequence's folder or a tracker's label in a suite's file",
+        "label.toml: two trackers are called 'kams': leave one out, or rename it: a recorded "
+        "sequence by its folder, a tracker by its label in a suite's file",
     ),
     "a label that is no text": (
         ["number.toml"],

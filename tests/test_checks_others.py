@@ -28,12 +28,16 @@ FEATURES = {
         "sole_dof": {"x": "ux"}
     },
     "noise is not an array of 2 numbers above 0": {"noise": np.zeros(2)},
-    "values returned (3,); it should be (2,)": {"values": lambda self, sight: np.zeros(3)},
-    "matrix returned (6, 2); it should be (2, 6)": {"matrix": lambda self, sight: np.zeros((6, 2))},
+    "values returned an array (3,); return a NumPy array (2,)": {
+        "values": lambda self, sight: np.zeros(3)
+    },
+    "matrix returned an array (6, 2); return a NumPy array (2, 6)": {
+        "matrix": lambda self, sight: np.zeros((6, 2))
+    },
     "error(s, s) is [1. 1.]; return zeros for equal features": {
         "error": lambda self, s, g: np.ones(2)
     },
-    "known returned bool; it should be (2,)": {"known": lambda self, sight: True},
+    "known returned bool; return a NumPy array (2,)": {"known": lambda self, sight: True},
     "scales returned [0. 0.]; all must be above 0": {"scales": lambda self, goal: np.zeros(2)},
     "the same view of the target gave other values the second time": {
         "values": lambda self, sight: np.full(2, float(next(NUMBERS)))

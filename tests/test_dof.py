@@ -74,8 +74,9 @@ def test_where_nothing_may_move_the_inverse_is_zero():
 
 
 STANDS = (
-    "controller: dof and weights let no component of the twist move: give a component that dof "
-    'names a weight above 0; for a camera that stands still set controller.kind = "hold"'
+    "controller: dof and weights let no component of the twist move: name components in dof or "
+    "leave it out, and give one of them a weight above 0; for a camera that stands still set "
+    'controller.kind = "hold"'
 )
 REFUSED = {
     "controller.dof=[]": STANDS,

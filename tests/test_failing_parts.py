@@ -275,7 +275,7 @@ def needing(place, needs):
         (
             needing("estimator", frozenset({Channel.EGO_MOTION})),
             "still: estimator: its Config needs EGO_MOTION, which the estimator is not given; it can "
-            "have DEPTH, GOAL_PICTURE, PICTURE, SEEN, TRUE_MOTION, TRUTH",
+            "have DEPTH, PICTURE, SEEN, TRUE_MOTION, TRUTH",
         ),
         (
             needing("tracker", {Channel.DEPTH}),

@@ -100,9 +100,15 @@ def test_options_hold_for_one_run_and_render_gives_a_picture_of_each():
     ("wrong", "sentence"),
     [
         (lambda: ServoVectorEnv(0), "num_envs = 0: expected a whole number from 1 on"),
-        (lambda: many().reset(seed=[1]), "seed: expected one for each of 3, got 1"),
+        (
+            lambda: many().reset(seed=[1]),
+            "seed: expected one for each of the 3 environments, got 1",
+        ),
         (lambda: many().step(ACTIONS[0]), "step: there is no run; call reset first"),
-        (lambda: many().step(ACTIONS[0][:2]), "step: expected one for each of 3, got 2"),
+        (
+            lambda: many().step(ACTIONS[0][:2]),
+            "step: expected one for each of the 3 environments, got 2",
+        ),
     ],
 )
 def test_a_mistake_is_a_sentence(wrong, sentence):

@@ -309,7 +309,7 @@ def test_a_latency_is_not_used_where_twists_come_from_elsewhere(tmp_path, latenc
         ),
         (
             messages.stamped(np.full(6, np.nan), AT),
-            "a twist with a number that is not finite is refused",
+            "a twist with a number that is not finite is refused: send six finite numbers",
         ),
     ],
 )

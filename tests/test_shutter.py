@@ -84,7 +84,10 @@ def test_the_slope_is_right_wherever_the_target_is():
 def test_a_readout_longer_than_a_frame_is_refused():
     with pytest.raises(ValueError) as found:
         CameraConfig(readout_ms=30.0, exposure=0.2)
-    assert str(found.value) == "readout_ms = 30 and the exposure do not fit into a frame at 30 Hz"
+    assert str(found.value) == (
+        "readout_ms = 30 and the exposure do not fit into a frame at 30 Hz: lower readout_ms, "
+        "exposure or rate"
+    )
 
 
 def test_the_gain_brings_the_brightness_back_in_its_time():

@@ -14,6 +14,7 @@ from sim.channels import Channel, needs_of
 from sim.geometry import exp_se3
 from sim.types import Pose
 from tracking import trackers
+from tracking.types import Region
 
 TRACKERS = [
     kind for kind in trackers.KINDS.names() if kind not in ("program", "tag", "trax", "truth")
@@ -41,6 +42,23 @@ def test_a_tracker_that_is_started_again(kind):
 
     fresh, again = twice(trackers.KINDS.config_of(kind)(), task)
     assert fresh == again
+
+
+@pytest.mark.parametrize("kind", sorted({*TRACKERS} - {"recorded"}))
+def test_a_scale_at_the_start_is_another_unit_of_size(kind):
+    def track(scale):
+        tracker = trackers.KINDS.config_of(kind)().build(np.random.default_rng(0))
+        first, *others = film(5)
+        whole = region_of(None)
+        region = Region(whole.width / scale, whole.height / scale)
+        tracker.start(first, region, replace(FIRST, scale=FIRST.scale * scale))
+        # The target jumps by more than its size, is gone, and appears elsewhere.
+        jumped = [replace(f, image=np.roll(f.image, (30, 60), (0, 1))) for f in others]
+        gone = [replace(f, image=np.full_like(f.image, 90)) for f in others]
+        found = map(tracker.update, [*others, *jumped, *gone, *others])
+        return [(e.state.x, e.state.y, e.state.theta, e.state.scale / scale) for e in found]
+
+    np.testing.assert_allclose(track(2.0), track(1.0), atol=1e-6)
 
 
 @pytest.mark.parametrize("kind", estimators.KINDS.names())

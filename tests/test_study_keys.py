@@ -93,7 +93,7 @@ BAD = {
     ),
     "a study as an axis": (
         STILL + "axes.sweep.seeds = [1, 2]",
-        "axes.sweep.seeds: a study changes the settings of runs only",
+        "axes.sweep.seeds: a study changes the settings of runs only; leave this out",
     ),
     "a setting for all that varies": (
         STILL + "set.run.latency = 1\naxes.run.latency = [1, 2]",

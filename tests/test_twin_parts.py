@@ -533,7 +533,8 @@ def test_what_is_strange_in_a_film_is_a_doubt():
     film = replace(TRACKS, dark=0.31, cuts=[1.0, 2.0, 3.0, 4.0, 5.0])
     assert verdict(tracks=film).doubts == [
         "31 % of the pictures are dark: expose longer",
-        "the film is cut, or jumps, 5 times (at 1.00, 2.00, 3.00, 4.00 s on the log's clock)",
+        "the film is cut, or jumps, 5 times (at 1.00, 2.00, 3.00, 4.00 s on the log's clock): record "
+        "one without cuts",
     ]
     assert verdict(tracks=replace(TRACKS, dark=0.3)).doubts == []
 
@@ -568,7 +569,7 @@ def test_a_scene_of_which_a_part_moves_by_itself_shows_no_mount():
         ((0.02, 0, 0.01, 0, 0, 180), "cannot tell (the camera is mounted turned by 180 deg about its z) from (the film is upside down)"),
         ((0.02, 0.0119, 0.01, 0, 0, 0), None),
         ((0.02, 0.0121, 0.01, 0, 0, 0), "the lever differs by 12 mm"),
-        ((0.02, 0, -0.04, 0, 0, 0), "the lever differs by 50 mm, most along the optical axis: so would a focal length that is wrong by 10 %"),
+        ((0.02, 0, -0.04, 0, 0, 0), "the lever differs by 50 mm, most of it along the optical axis, as it would with a focal length that is wrong by 10 %"),
     ],
 )  # fmt: skip
 def test_a_stated_mount_is_compared_with_the_found_one(stated, sentence):

@@ -135,7 +135,8 @@ def test_a_log_may_be_as_short_as_40_rows_and_4_s_and_as_long_as_600_s(tmp_path)
         ),
         (
             poses(np.append(EVEN, 600.5)),
-            "this log is 600 s long: record 4 to 600 s, best 30 s of the motion that --wiggle writes",
+            "this log is 600.5 s long: record 4 to 600 s, best 30 s of the motion that --wiggle "
+            "writes",
         ),
         (
             poses(np.arange(80) * 0.11),
@@ -143,7 +144,7 @@ def test_a_log_may_be_as_short_as_40_rows_and_4_s_and_as_long_as_600_s(tmp_path)
         ),
         (
             poses(hand_x_m=np.where(EVEN == 2, -1000001.0, 0.0)),
-            "a number in hand_x_m ... is above 10^6",
+            "a number in hand_x_m ... is beyond +-10^6: correct or leave out its row",
         ),
         (
             poses(hand_qw=np.where(EVEN < 4, 1.0, 0.89)),
@@ -406,7 +407,7 @@ def test_a_known_exposure_and_readout_are_taken_off_the_stamps(unrelated, words,
             None,
             "this film is 3.9 s long: record 4 s or more, best 30 s of the motion that --wiggle",
         ),
-        (41, 90, "no points can be followed in this film: is it dark, blurred or without texture?"),
+        (41, 90, "no points can be followed in this film: record a well lit scene with texture"),
     ],
 )
 def test_a_film_that_is_short_or_plain_is_refused(tmp_path, count, level, sentence):

@@ -95,8 +95,9 @@ def test_what_the_viewer_cannot_do_is_one_sentence(viewer, tmp_path, monkeypatch
     )
     _, clock = viewer(looks=10_000)
     began = clock[0]
-    assert (
-        refused(tmp_path, png) == f"{tmp_path}: the viewer did not load this recording within 30 s"
+    assert refused(tmp_path, png) == (
+        f"{tmp_path}: the viewer did not load this recording within 30 s; on a busy machine, try "
+        "again"
     )
     assert 30.0 < clock[0] - began < 31.0
 

@@ -131,6 +131,6 @@ def _spread(cloud: ParticleFilter, state: State) -> float:
     the target's size. Particles farther away than that size follow something else and do not count;
     the result is 0 if none is nearer.
     """
-    away = np.hypot(*(cloud.samples[:, :2] - [state.x, state.y]).T) / (cloud.size * state.scale)
+    away = np.hypot(*(cloud.samples[:, :2] - [state.x, state.y]).T) / (cloud.unit * state.scale)
     weights = np.where(away < 1.0, cloud.weights, 0.0)
     return float(np.sqrt(np.sum(weights * away**2) / max(np.sum(weights), TINY)))

@@ -385,8 +385,10 @@ def _check_numbers(region: Region, state: State) -> None:
     Raises:
         ValueError: A number is not finite or too large, or the scale is out of its range.
     """
+    if not isinstance(state.scale, Real):
+        raise ValueError(f"the state's scale is {state.scale!r}: expected a number")
     numbers = (region.width, region.height, state.x, state.y, state.theta)
-    plain = all(isinstance(number, Real) for number in (*numbers, state.scale))
+    plain = all(isinstance(number, Real) for number in numbers)
     if not plain or not all(abs(number) <= FARTHEST for number in numbers):  # nan is not
         given = ", ".join(f"{number:.6g}" if plain else repr(number) for number in numbers)
         raise ValueError(

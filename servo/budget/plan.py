@@ -33,10 +33,12 @@ class Part:
 
     name: str
     magnitude: str
-    """Magnitude with its unit, and where it is from."""
+    """Magnitude with its unit, and where it is from; for the tracker, its kind; "" for the rows
+    with nothing wrong and with all sources together."""
     error: Array
-    """Errors of position, rotation and centre in the picture (3,) [mm, deg, px]; of a source less
-    those without it."""
+    """Errors at the end (3,) [mm, deg, px], rms over the runs: of the camera's position and
+    rotation against their goal, and of the target's centre in the picture. Of a source alone: the
+    root of its mean square less that without the source."""
     theory: float | None
     """Error of the position by linear theory [mm]; None where there is none."""
     success: str
@@ -60,8 +62,9 @@ class Plan:
 
     @staticmethod
     def of(base: StudiedScenario, seeds: Sequence[int], stated: Mapping[str, float]) -> "Plan":
-        """Return the plan of an accuracy budget for a scenario: its sources of error have the
-        magnitudes that the user states, and the others those that the scenario has by itself.
+        """Return the plan of an accuracy budget for a scenario: each source of error has the
+        magnitude that the user states, else the one that the scenario has by itself, else the usual
+        one.
 
         Args:
             base: The scenario.
@@ -195,8 +198,8 @@ class Plan:
 
 
 def _errors(record: Record, scale: float) -> Array:
-    """Return the errors at the end of a run (3,): position [mm], rotation [deg], and that of the
-    centre in the picture, rms over the last second [px], times a factor.
+    """Return the errors at the end of a run (3,): of the camera's position [mm] and rotation [deg],
+    and of the target's centre in the picture, rms over the last second [px], times `scale`.
     """
     times = record.series["time_s"]
     late = record.series["servo_error_px"][times >= times[-1] - LAST].astype(float)

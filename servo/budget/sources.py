@@ -27,7 +27,7 @@ PIXELS = (
 """Settings in pixels, which a coarser picture divides."""
 NOWHERE = (0.0, 0.0, 0.0)
 AT_REST = (DELAY, "lag", "play", "mount_translation", "depth")
-"""Sources that only bend the way to a target at rest."""
+"""Sources that change only the camera's path to a target at rest, and not where the path ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +52,9 @@ class Source:
     """Whether it acts through the tracker only."""
 
     def settings(self, magnitude: float, seed: int) -> Table:
-        """Return the settings, by dotted key, with which the source has a magnitude. For a `signed`
-        source, the seed draws the sign, or the direction of several numbers.
+        """Return the settings, by dotted key, with which the source has a magnitude; none for the
+        tracker and the resolution. For a `signed` source, the seed draws the sign, or the direction
+        of several numbers.
 
         Args:
             magnitude: The magnitude, in the source's unit; 0: the ideal settings.
@@ -70,8 +71,8 @@ class Source:
         }
 
     def own(self, scenario: Scenario) -> float:
-        """Return the magnitude that this source has in a scenario as it is, in the source's unit; 0
-        if the scenario is ideal.
+        """Return the magnitude, without sign, that this source has in a scenario as it is, in the
+        source's unit; 0 if the scenario is ideal, and for the tracker and the resolution.
         """
         if self.name == DELAY:
             return 1e3 * scenario.run.frames_late(1 / scenario.camera.rate) / scenario.camera.rate
@@ -113,8 +114,8 @@ def magnitudes_of(texts: Sequence[str]) -> dict[str, float]:
     """Return the magnitudes, by name of the source, in texts such as "focal_length=0.5".
 
     Raises:
-        Mistake: A text has another form, there is no such source, or a magnitude is below 0 (below
-            1 for the resolution) or not finite.
+        Mistake: A text has another form, there is no such source, the source is the tracker, or a
+            magnitude is below 0 (below 1 for the resolution) or not finite.
     """
     found = dict[str, float]()
     names = [source.name for source in SOURCES if source.name != TRACKER]

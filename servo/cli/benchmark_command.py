@@ -25,12 +25,12 @@ from servo.bench.world_run import CONTESTANT, SLOW, WORLD, jobs_of
 from servo.cli.jobs import complete_jobs, go_on, print_estimate, progress
 from servo.cli.terminal import plain, print_table
 from servo.cli.try_out import try_out
-from servo.mistake import Mistake, writing
+from servo.mistake import Mistake, Refused, writing
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.report import benchmark_section
 from servo.study.execute import Workers, check_number, execute
-from servo.study.run import Failure, Record
+from servo.study.run import ClusterLost, Failure, Record
 from servo.study.store import Store, StudyFile, opened
 from sim.camera import gl
 from sim.files.picture_name import SKIMAGE, packaged
@@ -53,8 +53,8 @@ def run(
     dry_run: bool,
 ) -> int:
     """Run contestants (trackers or control laws) in the worlds (drawn scenarios) of a public
-    benchmark, and write a row for each contestant: a JSON file of its scores. Or verify a published
-    row.
+    benchmark, and write a row for each contestant that finished in all worlds: a JSON file of its
+    scores. Or verify a published row.
 
     Args:
         name: The benchmark, such as "loop-v1".
@@ -76,8 +76,9 @@ def run(
         The exit code: 1 if a run failed or a verified row is wrong, else 0.
 
     Raises:
-        Mistake: A contestant or the row to verify is wrong, a setting of this version differs from
-            the frozen benchmark, or the folder cannot be used.
+        Mistake: A contestant or an option is wrong, a file is not a row of this version, a run of
+            the verification failed, a setting of this version differs from the frozen benchmark, a
+            picture of scikit-image is missing, or the folder cannot be used.
         Refused: A file cannot be written, or the workers cannot work.
     """
     console = Console(quiet=quiet)
@@ -179,7 +180,9 @@ def _check_pictures(worlds: Sequence[World]) -> None:
 
 
 def _slowed(benchmark: Benchmark) -> str:
-    """Return the part of a sentence that says in which worlds trackers run more than once."""
+    """Return the end of a sentence, which says in which worlds trackers also run slowed down, and
+    with which times for a picture; "" for a benchmark without such runs.
+    """
     slow = benchmark.slow
     if slow is None:
         return ""
@@ -203,8 +206,8 @@ def _sealed(value: str, one: Contestant) -> Band:
 
 
 def _keep(store: Store, rows: Sequence[Row]) -> None:
-    """Write the contestants' rows (JSON files) and the table of all runs into the folder of a
-    store.
+    """Write the contestants' rows (JSON files) and, if a run is finished, the tables of all
+    finished runs into the folder of a store.
     """
     atomic.folder(store.folder, benchmark_section.ROWS)
     for row in rows:
@@ -290,8 +293,9 @@ def _verify(
         The exit code: 1 if a world differs or the row contradicts itself, else 0.
 
     Raises:
-        Mistake: The file is not a row of this version, the contestant is neither shipped nor given
-            again, or a run failed.
+        Mistake: The file is not a row of this version, its Parquet file cannot be read, the
+            contestant is neither shipped nor in `given`, or a run failed.
+        Refused: The workers have stopped or cannot be started.
     """
     row = Row.read(file)
     check_version(benchmark, row)
@@ -305,11 +309,14 @@ def _verify(
         jobs = [job for job in jobs if job.settings[SLOW] == 0.0]
     runs = list[WorldComparison]()
     with Workers(count) as workers, progress(console, f"verify {file.name}", len(jobs)) as ended:
-        for job, record in execute(jobs, workers):
-            if isinstance(record, Failure):
-                raise Mistake(f"{job.settings[WORLD]}: {record.reason}")
-            runs.append(compare_run(benchmark, row, errors, record))
-            ended(str(job.settings[WORLD]))
+        try:
+            for job, record in execute(jobs, workers):
+                if isinstance(record, Failure):
+                    raise Mistake(f"{job.settings[WORLD]}: {record.reason}")
+                runs.append(compare_run(benchmark, row, errors, record))
+                ended(str(job.settings[WORLD]))
+        except ClusterLost as lost:
+            raise Refused(f"{lost}; the row is not verified: verify it again") from None
     every = {run.world for run in runs}
     differing = {run.world for run in runs if not run.agrees}
     rounded = {run.world for run in runs if run.agrees and not run.exactly} - differing
@@ -326,10 +333,14 @@ def _verify(
 
 
 def _contestant(benchmark: Benchmark, row: Row, given: Sequence[Contestant] | None) -> Contestant:
-    """Return the contestant that made a row: the first of the command line, or without any the
-    shipped one of the same name.
+    """Return the contestant to repeat the runs of a row with: the first one of the command line, or
+    else the shipped one of the row's name.
 
     Code that the row's file names is not run.
+
+    Raises:
+        Mistake: The command line names none, and the row's contestant is not shipped or had changed
+            settings.
     """
     if given is not None:
         return given[0]

@@ -22,7 +22,7 @@ from servo.study.trials import trial_study
 from tracking.files.json_text import json_text
 
 FIRST_SEED = 1
-"""Seed 0 draws no settings."""
+"""The first seed of the runs: with seed 0 a scenario draws no settings."""
 
 
 def run(

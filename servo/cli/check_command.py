@@ -40,8 +40,8 @@ NO_BOUNDS = "No verdict: this scenario has no bounds."
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckFile(Made):
-    """The JSON file that `servobench check --json` writes: the results of all runs, and for each
-    scenario that bounds it, the share of its drawn seeds (all but 0) that ended as expected.
+    """The JSON file that `servobench check --json` writes: the results of all runs, and the share
+    of runs with drawn settings that ended as expected, for each scenario with a bound on it.
     """
 
     FILE: ClassVar[str] = "check.json"
@@ -52,7 +52,8 @@ class CheckFile(Made):
     seconds, outcome, measures, missed bounds, the reason why it has no outcome (`failed`) and the
     reason why it has no verdict (`unjudged`)."""
     shares: list[DrawnShare] = field(default_factory=list[DrawnShare])
-    """The shares of drawn seeds that ended as expected, of each scenario that bounds this share."""
+    """How many runs with drawn settings ended as expected, for each scenario with a bound on their
+    share (expect.drawn.success_rate)."""
 
 
 def _described(job: Job, end: Record | Failure) -> Entry:
@@ -91,8 +92,10 @@ def run(
     junit: Path | None = None,
     json: Path | None = None,
 ) -> int:
-    """Run scenarios, print their measures and the bounds that they miss, and write the results as
-    files if asked to.
+    """Run scenarios, print a table of their outcomes and main measures and the bounds that they
+    miss, and write the results as files if asked to. The files are also written if a scenario is
+    wrong (with its mistake alone), or if a signal stops the check (unfinished runs count as
+    failed).
 
     Args:
         scenarios: Shipped scenarios or TOML files; none: all shipped ones with bounds.
@@ -111,8 +114,9 @@ def run(
         user's mistake, else 0.
 
     Raises:
-        Mistake: A scenario or a change is wrong, or a file cannot be written.
+        Mistake: A scenario, a change or an option is wrong, or a file cannot be written.
         Refused: The workers cannot work, or the disk is full.
+        KeyboardInterrupt: A signal stopped the check.
     """
     chosen = list(scenarios) or [n for n in catalogue.shipped() if load_scenario(n).expect]
     check_number(len(chosen) * seeds)
@@ -165,7 +169,11 @@ def run(
 
 
 def _check_changes(changes: Sequence[str]) -> None:
-    """Check that no change sets run.seed, which --seed and --seeds set."""
+    """Check that no change sets run.seed, which --seed and --seeds set.
+
+    Raises:
+        Mistake: A change sets run.seed, or is not of the form KEY=VALUE.
+    """
     for item in changes:
         key, value = assignment(item)
         if key == "run.seed" or (key == "run" and isinstance(value, dict) and "seed" in value):
@@ -194,8 +202,9 @@ def _print_unjudged(errors: Console, records: Sequence[tuple[Job, Record]], coun
 
 
 def _shares(records: Sequence[tuple[Job, Record]], count: int) -> list[DrawnShare]:
-    """Return, for each scenario that bounds it, how many of its drawn seeds ended as expected;
-    `records` are sorted by scenario, with `count` runs each.
+    """Return how many runs with drawn settings ended as expected, for each scenario with a bound on
+    their share; each scenario has `count` jobs with consecutive numbers, some perhaps without a
+    record.
     """
     groups = groupby(records, lambda run: run[0].number // count)
     judged = ([(_scenario(job), end.success) for job, end in runs] for _, runs in groups)
@@ -223,7 +232,11 @@ def _write(
 
 
 def _carry_out(jobs: Sequence[Job], workers: int, console: Console, ends: dict[int, End]) -> None:
-    """Do all runs, and add the record or failure of each to `ends`, by its job's number."""
+    """Do all runs, and add each job with its record or failure to `ends`, by the job's number.
+
+    Raises:
+        Refused: The workers have stopped or cannot be started.
+    """
     pool = Workers(min(workers, len(jobs)))
     with pool, progress(console, "check", len(jobs)) as ended:
         try:
@@ -237,8 +250,8 @@ def _carry_out(jobs: Sequence[Job], workers: int, console: Console, ends: dict[i
 
 
 def _print_failures(ends: Sequence[End]) -> int:
-    """Print why runs failed, each mistake once; return the exit code: 2 for a mistake of the user,
-    1 for another failure, 0 without one.
+    """Print why runs failed, each mistake once; return the exit code: 2 for a mistake of the user
+    (or full memory), 1 for another failure, 0 without one.
     """
     failed = [(job, end) for job, end in ends if isinstance(end, Failure)]
     for sentence in dict.fromkeys(end.mistake for _, end in failed if end.mistake):

@@ -25,7 +25,7 @@ AXIS = "variant"
 
 MEASURED = "run.tracker_ms=measured"
 NEXT = re.compile(r",(?=[\w.\"]+=)")
-"""Commas between settings; those inside of a list do not match."""
+"""Matches a comma between two settings, but none inside a list of values."""
 
 
 def run(
@@ -166,6 +166,9 @@ def variants_of(parts: Mapping[str, Sequence[str]], set_of: Sequence[str]) -> di
 def _settings(text: str) -> tuple[str, Settings]:
     """Return the name and the settings, by dotted key, of a variant that is given as
     NAME=KEY=VALUE,...
+
+    Raises:
+        Mistake: The text has another form.
     """
     name, _, settings = text.partition("=")
     if not name.strip() or "=" not in settings:

@@ -48,7 +48,8 @@ def run(
     Args:
         suite: A shipped suite, a folder of sequences, or a TOML file.
         trackers: The trackers, with commas between them; None: those that the file lists, or else
-            all that follow any target by pictures alone.
+            all that follow any target by pictures and the camera's motion alone, and need no
+            program or model file of the user.
         seeds: Number of seeds: 0, 1, 2, ...
         workers: Number of processes.
         out: The folder to write; None: runs/evaluate-SUITE.
@@ -114,8 +115,8 @@ def run(
 
 
 def _forget_lost_tracks(jobs: Sequence[Job], store: Store) -> None:
-    """Remove the records of jobs whose track files are missing or damaged from the store, so that
-    these jobs are done again.
+    """Remove jobs whose track files are missing or damaged from `store.done`, so that these jobs
+    are run again, and print a warning for each on stderr.
     """
     done = [job for job in jobs if job.key in store.done]
     for job, record in zip(done, store.records(done), strict=True):
@@ -137,7 +138,8 @@ def subjects_of(suite: str, trackers: str | None) -> list[TrackedSequence]:
     Args:
         suite: A shipped suite (but "closed_loop"), a folder of sequences, or a TOML file.
         trackers: The trackers, with commas between them; None: those that the file lists, or else
-            all that follow any target by pictures alone.
+            all that follow any target by pictures and the camera's motion alone, and need no
+            program or model file of the user.
 
     Raises:
         Mistake: The suite or a tracker is wrong.
@@ -180,9 +182,9 @@ def _write(
 
 
 def print_ranks(console: Console, ranks: Sequence[Rank]) -> None:
-    """Print the ranking of trackers, and below it a table of the area under their success curve
-    (AUC) in each sequence. This table is left out for a single sequence, or if it has more than
-    eight columns.
+    """Print the ranking of trackers, and below it a table of each tracker's mean area under the
+    success curve (AUC) on each sequence. The table of areas is left out for a single sequence, and
+    if it would have more than eight columns.
     """
     print_table(console, bench_section.trackers_table(ranks))
     families = bench_section.families_table(ranks)
@@ -193,7 +195,7 @@ def print_ranks(console: Console, ranks: Sequence[Rank]) -> None:
 
 def _sheets(subjects: Sequence[TrackedSequence], best: str, folder: Path) -> Path:
     """Write a contact sheet (PNG) of each sequence, with the truth and the best tracker's estimates
-    of seed 0; return the sheets' folder.
+    of seed 0 (the truth alone, if that run failed); return the sheets' folder.
     """
     place = atomic.folder(folder, bench_section.SHEETS)
     for subject in subjects:

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from servo.cli.jobs import progress
 from servo.cli.main import app
+from servo.cli.options import exactly
 from servo.cli.outputs import Outputs
 from servo.cli.terminal import plain
 from servo.loop.episode import Episode
@@ -35,7 +36,10 @@ def run(runs: Sequence[str], out: Path, quiet: bool) -> None:
 
     Raises:
         Mistake: There are not two runs, a run cannot be repeated, the frame rates of the two
-            cameras differ, or the film exists already or cannot be written.
+            cameras differ, or the film's name does not end in .mp4, exists already or cannot be
+            written.
+        Refused: The disk is full or fails.
+        click.UsageError: A text is not the arguments of `servobench run`.
     """
     if len(runs) != TWO:
         raise Mistake(
@@ -54,6 +58,11 @@ def run(runs: Sequence[str], out: Path, quiet: bool) -> None:
 def _scenario(given: str) -> Scenario:
     """Return the scenario of a run to repeat: of the run in a folder, or of the arguments of
     `servobench run` in a text.
+
+    Raises:
+        Mistake: The folder has no report of a run, a quotation mark in the text is not closed, the
+            scenario is wrong, or the run was driven by ROS 2.
+        click.UsageError: The text is not the arguments of `servobench run`.
     """
     if given and Path(given).is_dir():
         report = RunReport.read(Path(given) / RunReport.FILE)
@@ -66,4 +75,6 @@ def _scenario(given: str) -> Scenario:
     if options["ros2"]:
         raise Mistake("film: a run with --ros2 cannot be repeated: name another run")
     parts = changes_of(options["tracker"], options["controller"])
-    return load(options["scenario"], [*parts, *options["changes"]], options["seed"])
+    changes = [*parts, *options["changes"]]
+    drawn = exactly(changes) if options["exact"] else changes
+    return load(options["scenario"], drawn, options["seed"])

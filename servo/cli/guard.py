@@ -1,5 +1,5 @@
-"""The end of every command: each failure prints one sentence and gives an exit code, and each
-ending signal raises an exception, as Ctrl-C does, so that files are closed.
+"""The end of every command: a failure prints one sentence and gives an exit code, and a signal that
+ends the command (SIGINT, SIGTERM, SIGHUP) raises an exception, so that files are closed.
 """
 
 import errno
@@ -34,15 +34,17 @@ failure. Values that the user has set stay."""
 
 
 def guarded(command: Callable[[], object]) -> None:
-    """Run a command, and turn every failure into one sentence on stderr and an exit code: 2 for a
-    mistake of the user, 1 for a failure of the machine. From then on stdout and stderr are wrapped
-    by `Printer`, and messages of libraries are hidden.
+    """Run a command. If it fails, print one sentence on stderr and exit with a code: 2 for a
+    mistake of the user (also a path that cannot be used, or Windows), 1 for a failure of the
+    machine (also if stdout cannot be printed). From then on stdout and stderr are wrapped by
+    `Printer`, and messages of libraries are hidden.
 
     Args:
         command: Function without arguments that does the command's work.
 
     Raises:
         SystemExit: The command failed, or exited itself.
+        Exception: Any other exception of the command, which is a fault of servobench.
     """
     os.environ.update(ENVIRONMENT | os.environ)
     os.environ["MPLBACKEND"] = "agg"  # plots never open a window
@@ -172,9 +174,11 @@ def exit_code(cause: KeyboardInterrupt) -> int:
 @contextmanager
 def ending_signals() -> Generator[list[StopSignal]]:
     """Context manager: raise `StopSignal` at the first SIGINT, SIGTERM or SIGHUP within its block,
-    and ignore all later ones.
+    and ignore all later ones. If Python drops the exception, as in a finalizer, the signal is sent
+    again.
 
-    A signal that is ignored from the start (nohup, a background job of a shell) stays ignored.
+    A signal that is ignored from the start (nohup, a background job of a shell) stays ignored, and
+    one that has a handler other than Python's own keeps this handler.
 
     Yields:
         A list to which the raised `StopSignal` is added, since a C library may replace it by its

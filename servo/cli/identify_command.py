@@ -89,8 +89,8 @@ def _check_names(log: Log, world: World, scenario: str) -> None:
 
 def _servo(world: World, channel: LogChannel) -> float:
     """Return the time constant [s] with which a simulated drive follows its command, for the joint
-    of a channel of the log; for a component of the camera's twist a mean over the joints that move
-    it.
+    of a channel of the log. For a component of the camera's twist, return a mean over the joints,
+    weighted by the square of what each contributes to the component.
     """
     each = world.robot.servos()
     if channel.name in world.robot.names:

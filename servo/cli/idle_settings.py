@@ -21,7 +21,8 @@ from sim.types import Effect
 from tracking.types import SEES_PICTURES, Trait, traits_of
 
 OF_IMAGE = ("moments", "points", "partitioned", "polar", "segment")
-"""Feature sets with values from the image alone; only their matrix uses the target's plane."""
+"""Feature sets with values from the image alone; only their interaction matrix uses the target's
+plane."""
 OF_POSE = ("hybrid", "pose")
 """Feature sets that use the target's pose, and no other depth."""
 LAWS = ("ibvs", "qp")
@@ -43,9 +44,10 @@ class Need:
 
 
 def idle_settings(episode: Episode) -> list[str]:
-    """Return a sentence for each setting or disturbance that the user gave and that has no effect
-    in a run, and one if the weights of the law let the camera stand still. The list is empty for a
-    scenario that was built in Python, not loaded.
+    """Return a sentence for each setting or disturbance that is set (in the scenario's file, by the
+    user, or drawn for the seed) and is known to have no effect in a run, and one if the weights of
+    the law let the camera stand still. The list is empty for a scenario that was built in Python,
+    not loaded.
     """
     scenario = episode.scenario
     if not isinstance(scenario, Scenario):
@@ -84,8 +86,9 @@ def _late(episode: Episode) -> list[str]:
 
 
 def _standing(episode: Episode) -> list[str]:
-    """Return a sentence if the law's weights let no component of the twist move, whatever the
-    tracker may measure in the run.
+    """Return a list with one sentence if the law's weights let no component of the twist move,
+    whatever the tracker may measure in the run; an empty list otherwise, and for a user's law or a
+    robot with fewer than six joints.
     """
     law = episode.scenario.controller
     if not isinstance(law, LawSettings) or not _has_six_joints(episode):
@@ -410,4 +413,5 @@ NEEDS = (
         "the run ends before goal.change_start",
     ),
 )
-"""The conditions, in the order in which their sentences are printed."""
+"""The conditions; if several that concern a setting are not met, the sentence of the first is
+printed."""

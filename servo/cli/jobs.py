@@ -64,8 +64,8 @@ def progress(
 
 
 def duration(seconds: float) -> str:
-    """Return a time [s] as a text: in seconds below 2 min, as a whole number of minutes below 2 h
-    ("12 min"), else in hours ("2.5 h").
+    """Return a time [s] as a text: in whole seconds below 2 min, but at least "1 s"; in whole
+    minutes below 2 h ("12 min"); else in hours with one decimal ("2.5 h").
     """
     if seconds < 2 * MINUTE:
         return f"{max(1, seconds):.0f} s"
@@ -75,8 +75,8 @@ def duration(seconds: float) -> str:
 def print_estimate(
     jobs: Sequence[Job], workers: int, console: Console, store: Store | None = None
 ) -> int:
-    """Do a few of the missing runs without keeping their results; print how many runs there are,
-    how long the missing ones will take, and on stderr which of the few failed.
+    """Do up to five of the missing runs without keeping their results, until one fails; print how
+    many runs there are, how long the missing ones will take, and on stderr why a run failed.
 
     Args:
         jobs: All jobs, one for each run.
@@ -86,6 +86,10 @@ def print_estimate(
 
     Returns:
         The exit code: 1 if a run that was tried fails, else 0.
+
+    Raises:
+        Mistake: The database in the folder is damaged.
+        Refused: The database cannot be read.
     """
     if store is not None:
         store.find(jobs)
@@ -124,7 +128,7 @@ def complete_jobs(
     again: str,
 ) -> int:
     """Do the jobs that have no record in a store, show progress, and print on stderr why jobs
-    failed.
+    failed, and whether stored records are damaged.
 
     Args:
         jobs: All jobs of the study.
@@ -139,15 +143,16 @@ def complete_jobs(
         The number of jobs that failed.
 
     Raises:
-        Mistake: The user's cluster has stopped, a worker has other versions of packages, or the
-            database of the study is damaged.
-        Refused: The disk is full, or the workers of this machine have stopped.
+        Mistake: The user's cluster does not answer or has stopped, a worker has other versions of
+            packages, or the database of the study is damaged.
+        Refused: The disk or the memory is full, or the workers of this machine do not start or
+            have stopped.
         SystemExit: Ctrl-C or another signal stopped the command.
     """
     if store.damaged:
         complain(
-            f"{store.folder / RUNS}: the record of run {store.damaged[0]} is damaged (the first of "
-            f"{len(store.damaged)} such runs); these runs are done again"
+            f"{store.folder / RUNS}: {len(store.damaged)} records are damaged or of other runs, "
+            f"the first that of run {store.damaged[0]}; these runs are done again"
         )
     plain(console, f"{title}: {len(jobs):,} runs, {len(store.done):,} of them finished")
     failed = 0

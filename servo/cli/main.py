@@ -12,7 +12,8 @@ from servo.cli.guard import guarded
 from sim.ranges import LONGEST
 
 PARTS = ("tracker", "law", "features", "estimator", "motion", "robot", "scenarios")
-"""Parts that `servobench new` can begin."""
+"""What `servobench new` can write: a package with a component of this sort, or ("scenarios") a
+repository of scenarios."""
 
 
 @click.group(
@@ -158,7 +159,7 @@ def track() -> None:
 @opt.dry_run_option
 @opt.quiet_option
 def evaluate() -> None:
-    """Compare trackers on sequences.
+    """Compare trackers on sequences, or in the closed loop.
 
     The same command continues a stopped evaluation.
     """
@@ -354,11 +355,11 @@ def compare() -> None:
 @opt.out_option("runs/tune-SCENARIO, also to continue")
 @opt.quiet_option
 def tune() -> None:
-    """Choose settings for a measure under conditions.
+    """Find the settings that minimise a measure under conditions.
 
-    Candidates are run with the same seeds, and one that is clearly worse stops early. The best is
-    compared with the scenario as it is on fresh seeds. The same command continues a stopped one.
-    Needs the extra tune.
+    Candidates are run with the same seeds, and one that is clearly worse is stopped early. Runs
+    with fresh seeds compare the best settings with those of the scenario. The same command
+    continues a stopped search. Needs the extra tune.
     """
 
 
@@ -381,11 +382,11 @@ def tune() -> None:
 @opt.out_option("runs/budget-SCENARIO, also to continue")
 @opt.quiet_option
 def budget() -> None:
-    """Show what each source of error contributes to the end error.
+    """Show what each source of error contributes to the final error.
 
-    The sources are tracker, noise, resolution, delay, lag, play, encoder_step, focal_length,
-    principal_point, mount_rotation, mount_translation, depth and target_size, alone and together.
-    The same command continues a stopped one.
+    Runs the scenario with each source alone, and with all together: tracker, noise, resolution,
+    delay, lag, play, encoder_step, focal_length, principal_point, mount_rotation,
+    mount_translation, depth and target_size. The same command continues a stopped budget.
     """
 
 
@@ -427,8 +428,8 @@ def papers() -> None:
 def report() -> None:
     """Write an HTML page about folders of results.
 
-    These are folders of run, evaluate, benchmark, papers, sweep and compare; the names loop-v1,
-    servo-v1, servo-v2 and goal-v1 stand for the published results of these benchmarks.
+    A folder is one that run, evaluate, benchmark, papers, sweep or compare wrote; the name of a
+    benchmark, such as loop-v2, stands for its published results.
     """
 
 
@@ -580,9 +581,10 @@ def identify() -> None:
 @opt.twin_options
 @opt.out_option("runs/preflight-LOG")
 def preflight() -> None:
-    """Compare a robot's log with its camera's film; exit 1 if something is wrong.
+    """Compare a robot's log with its camera's film.
 
-    Prints clock offset, mount of the camera, and what is wrong with what to change.
+    Prints the clock offset, the camera's mount, and each mistake with what to change. Exits with 1
+    if something is wrong or too uncertain to be stated.
     """
 
 
@@ -616,9 +618,10 @@ def preflight() -> None:
 @opt.twin_options
 @opt.out_option("runs/twin-LOG")
 def twin() -> None:
-    """Simulate a robot as its log and its film have it.
+    """Turn a robot's log and its camera's film into a scenario.
 
-    Does as preflight, then estimates delay, lag and play, and draws each picture again.
+    Compares log and film as preflight does, estimates delay, lag and play, and renders each picture
+    of the film again in simulation.
     """
 
 
@@ -661,7 +664,8 @@ def photo() -> None:
     """Straighten photographs of a plane into a picture for scenarios.
 
     A sheet of tags lies on the plane: print it with --sheet sheet.pdf. Of several photographs the
-    one that shows most is taken. Prints its size, and the lines that show it as ground or target.
+    one that shows most of the plane is taken. Prints the picture's size, and the lines of a
+    scenario that show the picture as ground or target.
     """
 
 

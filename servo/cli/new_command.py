@@ -48,9 +48,9 @@ WORDS = {
     "program": "'program:python {kind}/program.py'",
     "trax": "'trax:python {kind}/server.py'",
 }
-"""What is written after --tracker for each of them."""
+"""The value of the option --tracker for a tracker that is connected in each of these ways."""
 OF_DOORS = {"door_readme.md.jinja": "README.md", "test_door.py.jinja": "tests/test_{kind}.py"}
-"""Templates that all of them have."""
+"""Templates that are used for each of these ways, and the files that are made of them."""
 SECTIONS = {
     "tracker": "tracker",
     "law": "controller",
@@ -75,8 +75,9 @@ def run(part: str, name: str, out: Path | None, door: str | None) -> None:
             with settings of its own.
 
     Raises:
-        Mistake: The name is not valid for a package or is taken, the folder is not empty, or `door`
-            is given for a part other than a tracker.
+        Mistake: The name is not valid for a package or is taken, the folder is not empty or cannot
+            be written, or `door` is given for a part other than a tracker.
+        Refused: The disk is full or fails.
     """
     for path in new(part, name, out, door):
         click.echo(path)
@@ -99,8 +100,9 @@ def new(part: str, kind: str, folder: Path | None, door: str | None = None) -> l
         The paths of the files.
 
     Raises:
-        Mistake: The name is not valid for a package or is taken, the folder is not empty, or `door`
-            is given for a part other than a tracker.
+        Mistake: The name is not valid for a package or is taken, the folder is not empty or cannot
+            be written, or `door` is given for a part other than a tracker.
+        Refused: The disk is full or fails.
     """
     _check_name(part, kind)
     if door is not None and part != "tracker":

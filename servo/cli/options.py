@@ -4,7 +4,7 @@ commands.
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
@@ -292,6 +292,13 @@ EXACT = "camera.renderer=exact"
 FINE = "camera.textures=fine"
 
 
+def exactly(changes: Sequence[str]) -> tuple[str, ...]:
+    """Return changes of settings as the option --exact extends them: the exact renderer draws the
+    pictures, and textures are fine unless one of the changes sets them.
+    """
+    return (FINE, *changes, EXACT)
+
+
 class Command(click.Command):
     """A command whose work is the function `run` of the module `servo.cli.NAME_command`. The module
     is imported only when the command runs, since most modules take a while to import.
@@ -299,7 +306,12 @@ class Command(click.Command):
 
     def invoke(self, ctx: click.Context) -> NoReturn:
         """Call the function `run` of the module `servo.cli.NAME_command` with the options as
-        arguments (--exact becomes changes of settings); exit with the code that it returns, or 0.
+        arguments (--exact becomes changes of settings), and exit with the code that it returns; 0
+        if it returns None.
+
+        Raises:
+            StopSignal: A signal came while the module was imported.
+            SystemExit: The function has returned.
         """
         module = import_module(f"servo.cli.{self.name}_command")
         signals: list[StopSignal] = ctx.obj
@@ -307,7 +319,7 @@ class Command(click.Command):
             raise signals[0]
         given = dict(ctx.params)
         if given.pop("exact", False):
-            given["changes"] = (FINE, *given["changes"], EXACT)
+            given["changes"] = exactly(given["changes"])
         sys.exit(module.run(**given) or 0)
 
 

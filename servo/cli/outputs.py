@@ -32,10 +32,10 @@ VIEWER = "the viewer"
 @dataclass(frozen=True, slots=True)
 class Outputs:
     """Values of the options of `run` and `track` for films (MP4), logs (MCAP) and live viewers, and
-    the connection of a run to ROS 2. `live` shows the run in a window, with `web` in a browser:
-    there on the light page if `light` is True, in Rerun's viewer if it is False, and by default
-    (None) on the light page where no GPU is. `speed` is a multiple of real time (None: 1), `port`
-    the TCP port of a viewer (None: 9090).
+    the connection of a run to ROS 2. `live` shows the run in a window, with `web` in a browser: if
+    `light` is True on the light page (a film of JPEG pictures), if it is False in Rerun's viewer;
+    None takes the light page on a machine without a GPU, else Rerun's viewer. `speed` is a multiple
+    of real time (None: 1), `port` the TCP port of a viewer (None: 9090).
     """
 
     video: Path | None = None
@@ -224,15 +224,17 @@ def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
 
 
 def check_place(path: Path | None, *suffixes: str) -> None:
-    """Check a path of a file to write: its folder exists, it is no link and no folder, and its name
-    ends in one of the suffixes. It is not tried whether the file can be written. None is accepted.
+    """Check the path of a file to write: its folder exists, nothing but a regular file is at the
+    path already, and the name ends in one of the suffixes. Whether the file can be written is not
+    tried. None is accepted.
 
     Args:
         path: The path, or None.
         *suffixes: Allowed endings in small letters, such as ".png".
 
     Raises:
-        Mistake: The folder is missing, the path is a link or no file, or the suffix differs.
+        Mistake: The folder is missing, a link, a folder or another thing that is not a regular file
+            is at the path, or the suffix differs.
     """
     if path is None:
         return
@@ -252,7 +254,7 @@ def check_writable(path: Path) -> None:
 
     Raises:
         Mistake: The file exists, its folder does not exist, or the file cannot be written.
-        Refused: The disk is full.
+        Refused: The disk is full or fails, or too many files are open.
     """
     try:
         path.open("xb").close()

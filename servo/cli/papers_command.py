@@ -55,8 +55,9 @@ def run(
     """Test claims of the three papers again, and print and write the verdicts.
 
     Args:
-        claims: Names of the claims, such as "P1-2"; none: all.
-        quick: Whether one seed of each is enough.
+        claims: Names of the claims, such as "P1-2"; none: all but those about the tuning of
+            trackers.
+        quick: Whether to run one seed of each claim only, as a check that all works.
         sequences: A folder of real sequences to add to the claim P0-1a; None: none.
         first_seed: The first seed; None: the seeds that the rules name.
         workers: Number of processes.
@@ -70,9 +71,10 @@ def run(
         found another verdict than the published one, else 0.
 
     Raises:
-        Mistake: There is no such claim, none of the claims uses the given sequences, or a first
-            seed is given that was used for tuning, for a quick run, or for a claim that has seeds
-            of its own.
+        Mistake: There is no such claim, none of the claims uses the given sequences, the folder
+            cannot be used, or a first seed is given that was used for tuning, for a quick run, or
+            for a claim that has seeds of its own.
+        Refused: A file cannot be written, or the workers cannot work.
     """
     effort = Effort(quick, sequences, first_seed)
     chosen = _chosen(claims, effort)
@@ -139,11 +141,12 @@ def run(
 
 
 def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
-    """Return the claims of these names, or all without a name; their rules name the seeds from
-    effort.first on, if it is given.
+    """Return the claims of these names, or without a name all but those about tuning. If
+    `effort.first` is given, their rules name the seeds from it on.
 
     Raises:
-        Mistake: There is no such claim, or none of the claims uses the given sequences.
+        Mistake: There is no such claim, none of the claims uses the given sequences, or the claims
+            cannot be tested on seeds from `effort.first` on.
     """
     there = {claim.name: claim for claim in (*CLAIMS, *TUNING)}
     check_known(names, there, "papers", "claim")

@@ -28,7 +28,8 @@ DONE = {
 }
 """What is said of the sheet's place, by the value of --covered."""
 LARGEST_PHOTOGRAPH = 6000
-"""A larger photograph is made smaller [px]: its straightened picture has at most 2048 px a side."""
+"""Longest side of a photograph [px]; a larger one without a calibration is made smaller: its
+straightened picture has at most 2048 px a side."""
 MM = 1e3
 
 
@@ -56,7 +57,10 @@ def run(
             sheet.
 
     Raises:
-        Mistake: A photograph does not show the sheet, or a file cannot be read or written.
+        Mistake: Both or neither of `pictures` and `sheet` are given, a photograph does not show the
+            sheet, shows too little beside the sheet or does not fit the calibration, or a file
+            cannot be read or written.
+        Refused: The disk is full or fails.
     """
     if (sheet is None) == (not pictures):
         raise Mistake(
@@ -81,8 +85,9 @@ def _draw_sheet(sheet: Path, paper: str) -> None:
 def _straighten(
     pictures: tuple[Path, ...], out: Path, camera: Camera | None, scale: float, covered: str
 ) -> None:
-    """Write the straightened picture of the photograph that shows most, and print its size and the
-    lines of a scenario that show it.
+    """Straighten the photograph that shows most of the plane, write the picture, and print its size
+    and the lines of a scenario that show it. `scale` is the printed size of the sheet relative to
+    its design size.
     """
     check_suffix(out, ".png")
     check_writable(out)
@@ -131,10 +136,17 @@ def _straighten(
 def _without_sheet(
     picture: Image, resolution: float, photograph: Photograph, part: Rectangle
 ) -> Image:
-    """Return a straightened picture in which the plane beside the sheet is at the sheet's place.
+    """Return a straightened picture in which the sheet is replaced by the plane beside it; the
+    picture itself if the sheet is outside.
+
+    Args:
+        picture: The straightened picture.
+        resolution: Its resolution [px/m].
+        photograph: The photograph that was straightened.
+        part: The rectangle of the plane that the picture shows.
 
     Raises:
-        ValueError: There is too little of it.
+        ValueError: The picture shows too little of the plane beside the sheet.
     """
     paper = photograph.paper
     height, width = picture.shape[:2]

@@ -53,7 +53,7 @@ ASSUMED = 60.0
 RATE = 30.0
 """Rate of a folder of pictures for which none is given [Hz]."""
 WHOLE = 0.99
-"""Share of a film inside the log from which on it counts as whole."""
+"""A remark is printed if a smaller share of a film's pictures is within the log's time."""
 PICTURES = 3600
 """Number of pictures that progress counts with where a film does not state its number."""
 
@@ -67,8 +67,9 @@ class Given:
     Of the camera there are its `calibration` file or horizontal field of view `fov` [deg], its
     stated pose in the hand, `mount` (x, y, z [m], roll, pitch, yaw [deg]), or only its distance
     `along` the optical axis from the hand's origin [m], its exposure, and the delay from its first
-    to its last row (`readout_ms`) [ms]; with `eye_to_hand` it stands still and films what the hand
-    carries. `rate` is that of a folder of pictures [Hz]; `topic`, `motion` and `commands` are the
+    to its last row (`readout_ms`) [ms]. With `eye_to_hand` the camera stands still and films what
+    the hand carries, and `mount` is its pose in the frame of the robot's base.
+    `rate` is that of a folder of pictures [Hz]; `topic`, `motion` and `commands` are the
     topics of a bag with the pictures, the hand's motion and the commanded twists; `stamps` is a CSV
     of the pictures' stamps, `begins` the time of the first picture on the log's clock [s], and
     `tag_mm` the side of a tag that stands still in the film [mm].
@@ -82,7 +83,8 @@ class Given:
     along: float | None = None
     """The camera's distance from the hand's origin along its optical axis [m]."""
     mount: list[float] | None = None
-    """Stated mount: x, y, z [m], roll, pitch, yaw [deg]."""
+    """Stated pose of the camera in the hand, with `eye_to_hand` in the robot's base: x, y, z [m],
+    roll, pitch, yaw [deg] about the fixed axes x, y, z."""
     exposure_ms: float | None = None
     readout_ms: float | None = None
     rate: float = RATE
@@ -125,7 +127,8 @@ class Given:
         """Return the rows of the log.
 
         Raises:
-            Mistake: The log cannot be read.
+            Mistake: The log cannot be read, or `motion` or `commands` are given for a log that is
+                not a bag.
         """
         return log_table(self.log, self.scenario, self.motion, self.commands)
 
@@ -147,7 +150,9 @@ def run(
         The exit code: 1 if something is wrong or refused (too uncertain to be stated), else 0.
 
     Raises:
-        Mistake: The log or the film is missing or cannot be used, or a file cannot be written.
+        Mistake: The log or the film is missing or cannot be used, an option does not fit them, or a
+            file cannot be written.
+        Refused: The disk is full or fails.
     """
     scenario = options.get("scenario")
     if wiggle is not None:
@@ -224,7 +229,7 @@ def comparison(given: Given, table: pa.Table) -> tuple[Comparison, Camera, float
     offset that the comparison estimates is not yet added.
 
     Raises:
-        Mistake: The log or the film cannot be used.
+        Mistake: The log or the film cannot be used, or an option does not fit them.
     """
     console = Console()
     with waiting(Console(stderr=True), "reading the log"):
@@ -237,7 +242,10 @@ def comparison(given: Given, table: pa.Table) -> tuple[Comparison, Camera, float
                 "where the base is, in which the camera stands"
             )
         if given.tag_mm is not None:
-            raise Mistake("--tag-mm is for a tag that stands still: not with --eye-to-hand")
+            raise Mistake(
+                "--tag-mm needs a camera that moves past a tag that stands still: leave out "
+                "--tag-mm or --eye-to-hand"
+            )
     sightings = TagSightings()
     tracks, camera, stamped = followed(given, smooth, console, sightings)
     trust = Trust(
@@ -276,10 +284,10 @@ def _with_commands(compared: Comparison, given: Given, table: pa.Table) -> Compa
 
 
 def _tag(given: Given, seen: TagSightings, camera: Camera) -> StillTag | None:
-    """Return the tag of a film; None if the user states none.
+    """Return the tag of a film; None if the user states no tag.
 
     Raises:
-        Mistake: It is hardly seen.
+        Mistake: The tag is seen in too few pictures.
     """
     if given.tag_mm is None:
         return None
@@ -293,10 +301,16 @@ def _tag(given: Given, seen: TagSightings, camera: Camera) -> StillTag | None:
 
 
 def stated_mount(given: Given, table: pa.Table) -> Mount | None:
-    """Return the mount (pose of the camera in the robot's hand) that the user, or else the log's
-    table, states: a log of the camera's own poses, or of a robot's joints with --scenario, has the
-    camera itself as the hand, a mount of zero; a scenario whose camera stands says where. None:
-    there is no such statement.
+    """Return the stated mount: the pose of the camera in the robot's hand, or, if the camera stands
+    still (eye-to-hand), in the base's frame. None: nothing states it.
+
+    It is the one that the user states, if there is one. Otherwise, for a camera that stands still,
+    it is the pose in the room of the scenario's camera, if that stands still, too; for a camera in
+    the hand it is zero if the log has the camera's own poses, or a robot's joints with --scenario.
+
+    Args:
+        given: The options about log, film and camera.
+        table: The rows of the log.
     """
     if given.mount is not None:
         return believed_mount(tuple(given.mount))
@@ -313,8 +327,9 @@ def followed(
     given: Given, smooth: Smooth, console: Console, sightings: TagSightings
 ) -> tuple[Tracks, Camera, bool]:
     """Return the image points that were followed through a film, the film's camera, and whether the
-    film has stamps on the log's clock. The points' times are on this clock, but for an offset that
-    is not yet known.
+    film's own stamps are on the log's clock (False also if the user states when the film begins).
+    The points' times are on the log's clock, but for an offset that is not yet known. Of a camera
+    that stands still (eye-to-hand), only the points that move are returned.
 
     Args:
         given: The options about log, film and camera.
@@ -328,7 +343,7 @@ def followed(
     source, pictures = film(given.video, given.rate, given.topic, given.stamps)
     first = next(pictures, None)
     if first is None:
-        raise Mistake(f"{given.video}: this film has no pictures")
+        raise Mistake(f"{given.video}: this film has no pictures: give another one")
     whole: Iterable[Picture] = chain([first], pictures)
     if given.tag_mm is not None:
         whole = sightings.watching(whole)
@@ -339,13 +354,13 @@ def followed(
     span = float(tracks.times[-1] - tracks.times[0])
     if span < SHORTEST:
         raise Mistake(
-            f"{given.video}: this film is {span:.3g} s long: record {SHORTEST:g} s or more, best "
+            f"{given.video}: this film is {span:.6g} s long: record {SHORTEST:g} s or more, best "
             "30 s of the motion that --wiggle writes"
         )
     if not len(tracks.first):
         raise Mistake(
-            f"{given.video}: no points can be followed in this film: is it dark, blurred or "
-            "without texture?"
+            f"{given.video}: no points can be followed in this film: record a well lit scene with "
+            "texture, in focus"
         )
     clock = clock_of(first.stamp, smooth, given.begins)
     begins = clock.begins - given.late
@@ -403,7 +418,9 @@ def write_wiggle(path: Path, scenario: str | None) -> None:
             twist.
 
     Raises:
-        Mistake: The scenario is wrong, or the file cannot be written.
+        Mistake: The scenario is wrong, or the file exists, does not end in .csv or cannot be
+            written.
+        Refused: The disk is full or fails.
     """
     check_suffix(path, ".csv")
     check_writable(path)

@@ -61,7 +61,8 @@ def run(folders: Sequence[Path], out: Path | None, **options: Any) -> None:
         **options: Tables and figures to write too: the fields of `Printed`, by name.
 
     Raises:
-        Mistake: A folder is missing, unknown or damaged, or a file cannot be written.
+        Mistake: A folder is missing, unknown or damaged, an option is wrong or does not fit the
+            folders, or a file cannot be written.
         Refused: The disk is full.
     """
     for path in write(folders, out, Printed(**options)):
@@ -81,7 +82,8 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
         The paths of the page, and of the LaTeX file and the folder of figures if they were written.
 
     Raises:
-        Mistake: A folder is missing, unknown or damaged, or a file cannot be written.
+        Mistake: A folder is missing, unknown or damaged, an option in `printed` is wrong or does
+            not fit the folders, or a file cannot be written.
         Refused: The disk is full.
     """
     printed = printed or Printed()
@@ -119,8 +121,9 @@ def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
             few.
 
     Raises:
-        Mistake: The folder is missing, has no results or is damaged, or `measures` are given for
-            results that are not of a study.
+        Mistake: The folder is missing, has no results or is damaged, or has results of `tune` or
+            `budget`, which write their pages themselves; the benchmark has no published results; or
+            `measures` are given for results that are not of a study.
     """
     if not folder.is_dir():
         if str(folder) in NAMES and measures is None:

@@ -168,8 +168,9 @@ def _begun(config: mjcf.Config, motion: PartConfig[Motion]) -> Reach:
 
 
 def _ranges_text(config: mjcf.Config) -> str:
-    """Return a sentence that says, for each of the motions line, circle and wander, whether the
-    joints stay inside their ranges.
+    """Return a sentence that says, for each of the target's motions line, circle and wander,
+    whether the joints can follow it inside their ranges; if this is not known before a run, because
+    the robot has too few joints, return sentences that say so.
     """
     found = list[str]()
     for motion in MOTIONS:
@@ -230,8 +231,8 @@ def _belongs(model: mujoco.MjModel, geom: int) -> bool:
 
 
 def _corners(world: World, geoms: NDArray[np.bool_]) -> Array:
-    """Return the corners of the boxes around some geoms, and the table's middle (n, 3), in the
-    world [m].
+    """Return the points (n, 3) in the world frame [m] that a view of the robot should show: the
+    corners of the boxes around the geoms in a mask (ngeom,), and the table's middle.
     """
     signs = np.array(list(itertools.product((-1, 1), repeat=3)))
     boxes = world.model.geom_aabb[geoms]
@@ -242,8 +243,8 @@ def _corners(world: World, geoms: NDArray[np.bool_]) -> Array:
 
 
 def _directions(jacobian: Array) -> str:
-    """Return a sentence about the components of the camera's twist that a robot with fewer than six
-    joints can follow.
+    """Return sentences that say which components of the camera's twist a robot with fewer than six
+    joints can follow, and what a run then servoes.
 
     Args:
         jacobian: Camera twist per joint rate (6, n).

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from servo.ros2.server import Server
 
 HIDDEN = 0.1
-"""Share of the target below which it counts as hidden if no more is visible."""
+"""The target counts as hidden if a smaller share of it is visible."""
 START_NEAR = 1e-3
 START_TURNED = radians(1.0)
 """Largest distance and angle from the start pose at which the robot counts as there [m, rad]."""
@@ -186,8 +186,9 @@ def load(
         name: A shipped scenario or a TOML file.
         changes: Changes of settings, such as "run.duration=5".
         seed: Seed in place of run.seed; None: the scenario's own.
-        server: Connection to a controller in ROS 2, which replaces the scenario's controller; None:
-            the scenario's.
+        server: Connection to a controller in ROS 2, which replaces the scenario's controller;
+            changes of run.latency and run.latency_ms are then ignored. None: the scenario's
+            controller.
 
     Raises:
         Mistake: There is no such scenario, or a setting or a bound is wrong.
@@ -233,8 +234,8 @@ def remarks(episode: Episode) -> list[str]:
 
 
 def _tilt_line(episode: Episode) -> str:
-    """Return a warning if the camera starts with a tilt that the tracker cannot measure; else an
-    empty text.
+    """Return a warning if the camera starts with a tilt that the features could servo, but that the
+    tracker does not measure; else an empty text.
     """
     scenario = episode.scenario
     tracker = kind_of(scenario.tracker)

@@ -195,8 +195,8 @@ def table(properties: Schema, description: str = "") -> Schema:
 
 
 def _table_of_kind(name: str, kinds: Kinds[Any], default: str = "") -> Any:
-    """Return the pydantic type of a table with the key `kind`: a union with one model for each
-    kind.
+    """Return the pydantic type of a table with the key `kind`: a union with one model for each kind
+    that can be imported. A table of the kind `default` may leave out the key; "": none may.
     """
     models = list[type[BaseModel]]()
     for kind in kinds.names():

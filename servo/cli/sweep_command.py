@@ -158,8 +158,8 @@ def _parsed(job: Job) -> Scenario:
 
 
 def _doubts(study: Study, samples: Iterable[Scenario]) -> list[str]:
-    """Return a sentence for each bound of the study that all runs with some settings miss, or that
-    none can miss.
+    """Return a sentence for each bound of the study that every run with some settings will miss, or
+    that every run with some settings will keep.
 
     Args:
         study: The study.

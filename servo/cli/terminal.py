@@ -14,7 +14,7 @@ from servo.report import words
 
 COMPILING = "(the first run on a machine compiles the hot loops)"
 ROOMY = 6
-"""Most columns of a table with wide gaps."""
+"""Largest number of columns of a table with two spaces between columns; wider tables have one."""
 WAITING = f"preparing {COMPILING}"
 NARROWEST = 12
 """Least width of a column of words where the numbers beside it leave no room [characters]; a word,

@@ -94,8 +94,8 @@ def run(
         that stopped the command, else 0.
 
     Raises:
-        Mistake: The source, its truth, the region or the tracker is wrong, or the folder cannot be
-            used.
+        Mistake: The source, its truth, the region or the tracker is wrong, the tracker fails, an
+            option does not fit, or the folder cannot be used.
         Refused: The video or the recording could not be written completely.
     """
     settings, config = tracker_of(tracker, changes)
@@ -167,11 +167,13 @@ def run(
 
 
 def built(config: PartConfig[Tracker], seed: int) -> Tracker:
-    """Build a tracker from its settings, and return it in a wrapper, which raises an exception of
-    one of its methods (but a ValueError of `start`) again as a `PartFailed` that names the tracker.
+    """Build a tracker from its settings, and return it in a wrapper: an exception or an invalid
+    result of one of the tracker's methods then raises a `PartFailed` that names the tracker. A
+    `Mistake`, a KeyboardInterrupt, a MemoryError and a ValueError of `start` pass unchanged.
 
     Raises:
-        PartFailed: The tracker's code raised an exception while it was built.
+        PartFailed: The tracker's code raised an exception while it was built, or the tracker breaks
+            its contract.
         Mistake: Its settings are refused.
     """
     part = Part("tracker", config)
@@ -181,8 +183,15 @@ def built(config: PartConfig[Tracker], seed: int) -> Tracker:
 def _first(shots: Iterator[Shot], source: str, out: Path | None, name: str) -> Shot:
     """Return the first tracked picture with its estimate.
 
+    Args:
+        shots: The tracked pictures.
+        source: The source, for messages.
+        out: The folder for the traceback of a tracker that fails; None: the next free runs/`name`.
+        name: Name of that folder.
+
     Raises:
-        Mistake: The tracker failed, or there is no picture.
+        Mistake: The tracker failed or refuses the region, there is no picture, or the first one
+            cannot be read.
     """
     try:
         with as_mistake():
@@ -209,8 +218,8 @@ def _warm_up(config: PartConfig[Tracker], console: Console, *, rerun: bool) -> N
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[Table, PartConfig[Tracker]]:
-    """Return the settings of a tracker that the user changes, as a TOML table with its `kind`, and
-    the tracker's complete `Config`.
+    """Return a tracker's settings in two forms: a TOML table with its `kind` and the settings that
+    the command line changes, and the complete `Config`, with the defaults of all others.
 
     Args:
         kind: The tracker as on the command line, such as "kams" or "kams:paper".
@@ -235,11 +244,13 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[Table, PartConfig[Tra
 
 
 def _truth(truth: Path | None, form: truths.Format, source: str, stream: Source) -> Array | None:
-    """Return the true corners (n, 4, 2) [px] in the given file or in that of a folder of pictures;
-    None without such a file.
+    """Return the target's true corners (n, 4, 2) [px], nan in pictures without the target, from the
+    given file or from that in a folder of pictures; None without such a file. n is the number of
+    pictures, or 1 for a truth of the first picture alone.
 
     Raises:
-        Mistake: The source has no end, or the truth does not fit it.
+        Mistake: The number of pictures is not known.
+        ValueError: The truth cannot be read or does not fit the pictures.
     """
     path = truth or truth_of(source)
     if path is None:
@@ -258,10 +269,12 @@ def _truth(truth: Path | None, form: truths.Format, source: str, stream: Source)
 
 def _placement(region: str | None, source: str, truth: Array | None) -> tuple[Region, State]:
     """Return the target's region (width, height [px]) and its state in the first picture (centre
-    [px], angle [rad], scale), from --region or else from the truth.
+    [px], angle [rad], scale 1), from --region, or else from the upright box around the true corners
+    there.
 
     Raises:
-        Mistake: Neither the region nor the truth gives them.
+        Mistake: --region has another form; or there is neither --region nor a truth, or the truth
+            has no target in the first picture.
     """
     if region is not None:
         return region_of(region)

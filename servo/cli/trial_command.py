@@ -1,5 +1,5 @@
-"""The part that `servobench tune` and `servobench budget` share: runs that are decided while the
-command works, in a folder that goes on where it was stopped, and a page about their result.
+"""What `servobench tune` and `servobench budget` share: runs whose settings the command chooses
+while it works, a folder with which a stopped command can be continued, and a page about the result.
 """
 
 from collections.abc import Generator

@@ -60,13 +60,15 @@ def run(
         workers: Number of processes on this machine.
         scheduler: Address of a Dask scheduler to work on instead; None: this machine.
         out: The folder to write; None: runs/tune-SCENARIO.
-        quiet: Whether to print mistakes only.
+        quiet: Whether to print on stderr only: mistakes and conditions that are broken on fresh
+            seeds.
 
     Returns:
         The exit code: 1 if the best settings break a condition on fresh seeds, else 0.
 
     Raises:
-        Mistake: An option is wrong, or no settings keep the conditions.
+        Mistake: An option is wrong, or no settings keep the conditions in the search; in the latter
+            case nothing is run on fresh seeds, and the files are written before.
         Refused: A file cannot be written, or the workers cannot work.
     """
     aim = Aim.read(minimise, keep)

@@ -142,8 +142,9 @@ def run(
 def _changes(
     given: Given, table: pa.Table, compared: Comparison, camera: Camera, scenario: str
 ) -> tuple[dict[str, object], dict[str, str]]:
-    """Return the settings that a recording shows, and a comment for each; comments with the keys
-    "1", "2", ... are about what is not known.
+    """Return the settings that a recording shows, by dotted key, and comments by the key of their
+    setting. Comments with a key without a dot, such as "1", are about what is not known, and about
+    mistakes in the recording.
     """
     verdict, mount = compared.verdict, compared.fits.mount
     changes: dict[str, object] = {}
@@ -198,7 +199,9 @@ def _changes(
 
 
 def _of_camera(given: Given, compared: Comparison, camera: Camera) -> dict[str, tuple[object, str]]:
-    """Return the settings of the camera that a recording shows, each with a comment or ""."""
+    """Return the settings of the camera that a recording shows, by their names in the table
+    [camera], each with a comment or "".
+    """
     verdict, mount = compared.verdict, compared.fits.mount
     rate = _rate(compared)
     found: dict[str, tuple[object, str]] = {
@@ -222,13 +225,17 @@ def _of_camera(given: Given, compared: Comparison, camera: Camera) -> dict[str, 
 
 
 def _rate(compared: Comparison) -> float:
-    """Return the film's rate [Hz]."""
+    """Return the film's rate [Hz], from the median interval of its pictures: a whole number if that
+    is within 2 %, else with two decimals.
+    """
     rate = 1 / float(np.median(np.diff(compared.fits.tracks.times)))
     return round(rate) if abs(rate - round(rate)) < 0.02 * rate else round(rate, 2)
 
 
 def _comments(text: str) -> dict[str, str]:
-    """Return the comments of TOML lines by their keys, and those on lines of their own."""
+    """Return the comments in a text of TOML: those behind a setting by its dotted key ("" without a
+    comment), those on lines of their own by "line N", with N counted from 0.
+    """
     notes: dict[str, str] = {}
     part = ""
     for number, line in enumerate(text.splitlines()):
@@ -269,7 +276,9 @@ def toml(scenario: str, changes: dict[str, object], notes: dict[str, str]) -> st
 
 
 def left_out(table: Mapping[str, object], scenario: str) -> str:
-    """Return a sentence about the tables of a scenario that the twin does not take; "": none."""
+    """Return a sentence that names the tables of a scenario that the twin's scenario leaves out; ""
+    if it leaves out none.
+    """
     dropped = ", ".join(f"[{key}]" for key in DROPPED if key in table)
     if not dropped:
         return ""
@@ -286,7 +295,9 @@ def _replay(
     folder: Path,
     console: Console,
 ) -> list[Block]:
-    """Write a recording and its simulation, and return the page's block about them."""
+    """Write a film (MP4) and a Rerun recording of the recorded pictures beside their simulation,
+    and return the page's block about them.
+    """
     source, pictures = film(given.video, given.rate, given.topic, given.stamps)
     path = folder / FILM
     count = source.count or len(compared.fits.tracks.times)
@@ -365,7 +376,8 @@ def _others(
     the page's block about them.
 
     Raises:
-        Mistake: A tracker refuses the region, or fails; or nothing is known of the recorded run's.
+        Mistake: A tracker refuses the region, or fails; or neither the log nor the tracker of the
+            scenario `base` gives the recorded run's estimates.
     """
     target, start = region_of(region)
 
@@ -397,7 +409,7 @@ def _others(
 
 
 def _stills(path: Path, count: int) -> Iterator[Image]:
-    """Yield pictures of a film in equal distances."""
+    """Yield about three pictures, evenly spaced, of a film with `count` pictures."""
     _, pictures = film(str(path), 30.0, None, None)
     for number, picture in enumerate(pictures):
         if picture.image is not None and number % max(1, count // STILLS) == count // (2 * STILLS):

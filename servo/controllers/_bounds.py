@@ -89,7 +89,8 @@ def joint_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
     """Return bounds of the joint rates that a camera twist v needs, J# v with the pseudo-inverse J#
     of the robot's Jacobian. A joint may approach the end of its range with at most 8 times the
     distance left per second (with the frame rate, if that is lower), and no joint may exceed its
-    largest rate. A twist of zero always satisfies the bounds.
+    largest rate. The distance is counted from where the joint is when the twist begins to act, to
+    0.01 m or rad before the end. A twist of zero always satisfies the bounds.
 
     Args:
         posture: Joints, limits and Jacobian of the robot.
@@ -133,7 +134,8 @@ def _names_of_joints(count: int) -> tuple[tuple[str, str], ...]:
 
 def inverse_of(J: Array) -> Array:
     """Return the pseudo-inverse J# (n, 6) of a Jacobian (6, n). Singular values below 1 % of the
-    largest count as zero, so that their directions map to zero.
+    largest count as zero, so that their directions map to zero; a square Jacobian whose singular
+    values are all clearly above 0.01 is inverted as it is.
     """
     plain = inverse_if_strong(J, SINGULAR) if J.shape[0] == J.shape[1] else None
     return np.linalg.pinv(J, SINGULAR).astype(np.float64) if plain is None else plain

@@ -32,7 +32,8 @@ class Inverse:
     """
 
     pseudo: Array
-    """L# (6, k), which gives the twist of least weighted norm for a desired de/dt."""
+    """L# (6, k), which maps a desired de/dt (k,) to a camera twist; its columns are zero for
+    features that are not servoed."""
     L: Array
     """The interaction matrix (k, 6) itself."""
     moves: NDArray[np.bool_]
@@ -40,21 +41,22 @@ class Inverse:
 
     @property
     def free(self) -> Array:
-        """Projection I - L# L (6, 6), which maps a camera twist to its part that changes no
-        feature. Rows of degrees of freedom that may not move are zero.
+        """Projection I - L# L (6, 6), which maps a camera twist to its part that changes no servoed
+        feature. Rows and columns of degrees of freedom that may not move are zero.
         """
         return (np.eye(len(self.moves)) - self.pseudo @ self.L) * self.moves
 
     @staticmethod
     def through_joints(L: Array, rows: NDArray[np.bool_], jacobian: Array) -> "Inverse":
-        """Return the inverse J (L J)+ for a robot with fewer than six joints: the joint rates whose
-        features come nearest, by least squares, to the desired de/dt, mapped to the camera twist
-        that they make.
+        """Return the inverse J (L J)+ for a robot with fewer than six joints that can move: the
+        joint rates whose features come nearest, by least squares, to the desired de/dt, mapped to
+        the camera twist that they make.
 
         Args:
             L: Interaction matrix (k, 6).
             rows: True (k,) for each feature that is servoed; the others have columns of zero.
-            jacobian: J (6, n), camera twist per joint rate.
+            jacobian: J (6, n), camera twist per joint rate; or n camera twists (6,) that span the
+                motions left to the joints.
         """
         pseudo = np.zeros(L.shape[::-1])
         pseudo[:, rows] = jacobian @ _pinv(L[rows] @ jacobian)
@@ -147,8 +149,9 @@ def avoid_limits(posture: Posture) -> Array:
     """Return the camera twist (6,) [m/s, rad/s] of the secondary task "avoid_limits", for a gain of
     1 per second: it moves joints away from a limit that is near.
 
-    It follows the negative gradient of h = sum max(0, |away| - 0.75)^2 / 2, with `away` the
-    distance of a joint from mid-range over half its range (Chaumette and Marchand 2001).
+    With `away`, the distance of a joint from mid-range over half its range, each `away` changes at
+    the rate -dh/d(away), where h = sum max(0, |away| - 0.75)^2 / 2 (after Chaumette and Marchand
+    2001).
     """
     limited, away, half = _ranges(posture)
     excess = np.sign(away) * np.maximum(np.abs(away) - FAR, 0.0)
@@ -156,9 +159,9 @@ def avoid_limits(posture: Posture) -> Array:
 
 
 def _ranges(posture: Posture) -> tuple[NDArray[np.intp], Array, Array]:
-    """Return, for the m joints with limits: their indices (m,), their positions in their ranges
-    (m,) from -1 (lower limit) to 1 (upper limit), and half the lengths of their ranges (m,) [m or
-    rad].
+    """Return, for the m joints with a lower and an upper limit: their indices (m,), their positions
+    in their ranges (m,) from -1 (lower limit) to 1 (upper limit), and half the lengths of their
+    ranges (m,) [m or rad].
     """
     limited = np.flatnonzero(np.isfinite(posture.lower) & np.isfinite(posture.upper))
     low = posture.lower[limited]

@@ -38,8 +38,9 @@ class LawSettings:
     """Slope -d lambda / d |L# e| of the adaptive gain at the goal, where |.| is the largest
     component, as in ViSP's vpAdaptiveGain."""
     smooth_start: Annotated[float, Ge(0), Le(1000)] = 0.0
-    """Rate mu of a smooth start [1/s]: the first velocity fades in as 1 - exp(-mu t), from the
-    first picture in which all features are known; 0: the camera starts at once.
+    """Rate mu of a smooth start [1/s]: the first velocity fades in as 1 - exp(-mu t), with the time
+    t from the first picture, and anew from one that measures further features; 0: the camera starts
+    at once.
     """
     dof: tuple[Dof, ...] | None = None
     """Components of the camera twist that may move; by default all six if there are six features or
@@ -85,9 +86,9 @@ class LawSettings:
                 raise ValueError(f"the list {name} has '{twice}' twice: leave one out")
         if not self.may_move(six=True):
             raise ValueError(
-                "dof and weights let no component of the twist move: give a component that dof "
-                "names a weight above 0; for a camera that stands still set controller.kind = "
-                '"hold"'
+                "dof and weights let no component of the twist move: name components in dof or "
+                "leave it out, and give one of them a weight above 0; for a camera that stands "
+                'still set controller.kind = "hold"'
             )
 
     def may_move(self, *, six: bool) -> bool:

@@ -23,7 +23,8 @@ class DesiredTwist:
     twist: Array
     """Camera twist (6,) of the law, before any limit [m/s, rad/s]."""
     target: Array
-    """The twist (6,) with which a camera would see a target at rest move as this one does."""
+    """Camera twist (6,) that would change the features of a target at rest as the target's own
+    motion now does, for the features that are fed forward [m/s, rad/s]."""
     L: Array
     """Interaction matrix (k, 6) of the features that are known, over their scales."""
     moves: NDArray[np.bool_]
@@ -53,7 +54,7 @@ class LimitedTwist:
 
 
 class Guard(Protocol):
-    """Object that replaces the twist of a control law which would break a limit."""
+    """Protocol of an object that replaces each twist of a control law that would break a limit."""
 
     def start(self, task: Task) -> None:
         """Begin a run with a task, before the first call of `limited`.

@@ -30,7 +30,7 @@ posture and perhaps depth."""
 SEES_PICTURES = frozenset({Channel.PICTURE, Channel.GOAL_PICTURE})
 """Channels that a policy needs."""
 OF_POLICIES = (3, 4, 5)
-"""Numbers of arguments of a policy."""
+"""Numbers of arguments without a default value that a policy may have."""
 
 
 def adapted(found: Any) -> type[Any] | None:
@@ -56,9 +56,10 @@ def _of_object(policy: Any) -> "PolicyLaw":
 
 
 def _asks_for(law: Callable[..., Any]) -> int:
-    """Return the number of positional arguments without a default value that a function takes."""
+    """Return the number of arguments without a default value that a function takes by position."""
     taken = inspect.signature(law).parameters.values()
-    return sum(p.default is p.empty and p.kind is p.POSITIONAL_OR_KEYWORD for p in taken)
+    by_position = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    return sum(p.default is p.empty and p.kind in by_position for p in taken)
 
 
 @final
@@ -73,7 +74,9 @@ class FunctionLaw:
         self._settings = settings
 
     def start(self, task: Task) -> None:
-        """Begin a run with a task, which the function is given for each picture."""
+        """Begin a run with a task, which the function is given for each picture, with the goal of
+        that picture.
+        """
         self._task = task
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
@@ -143,8 +146,12 @@ class PolicyLaw:
 
     def twist(self, picture: Image, posture: Posture) -> Array:
         """Return what the policy returns for a picture (H, W, 3): the camera twist (6,) in the
-        camera frame [m/s, rad/s]. A policy with more than three arguments gets the posture as it is
-        given here.
+        camera frame [m/s, rad/s].
+
+        Args:
+            picture: The camera's RGB picture (H, W, 3) of uint8.
+            posture: State of the robot, which the policy gets unchanged: for a policy with more
+                than three arguments it has to be relative to the first picture (`since`) already.
         """
         given: list[object] = [picture, self._goal.image, posture]
         if self._takes > len(given):
@@ -154,8 +161,8 @@ class PolicyLaw:
 
 def since(first: Posture, now: Posture) -> Posture:
     """Return a posture relative to an earlier one: `T_base_camera` is the pose in the frame of the
-    earlier camera, joints and their limits are counted from the earlier joints. So nothing tells
-    where in the room the robot is.
+    earlier camera, joints and their limits are counted from the earlier joints, so that pose and
+    joints do not tell where in the room the robot is. Twists, limits of rates and Jacobian stay.
     """
     return replace(
         now,

@@ -14,8 +14,9 @@ from sim.types import Array, Posture
 ROUNDING = 1e-9
 """Largest excess over a bound that counts as rounding error [m/s or rad/s]."""
 WEAK = 0.02
-"""Camera speed over joint rate below which joints cannot move the camera in a direction [m/s or
-rad/s]; the drives damp such directions, too."""
+"""Singular value of the Jacobian from which the joints count as able to move the camera in its
+direction [m/s or rad/s of the camera per unit of joint rate]; the drives damp such directions
+below it, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +70,12 @@ class RangeEnds:
 
     def left(self, moves: NDArray[np.bool_]) -> tuple[Array, Array] | None:
         """Return camera twists (6, m) that span the motions of the joints that are not held, and
-        the camera twist (6,) that the held joints make; None if the other joints can make every
-        motion that `moves` allows.
+        the camera twist (6,) that the held joints make.
+
+        For a robot of six or more joints the first span only the allowed ones of these motions, and
+        the second is the allowed twist of least norm with all of the held joints' motion that the
+        other joints cannot make or cancel. The result is then None if the other joints can make
+        every camera twist.
 
         Args:
             moves: True (6,) for each component of the camera twist that may move. Used only for

@@ -54,8 +54,9 @@ class TargetLoss:
         return Mode.SEARCHING
 
     def search(self, dt: float) -> Array:
-        """Return the camera twist (6,) [m/s] for the next dt [s] of the search: constant speed
-        along a spiral r = b phi in the camera's x-y plane.
+        """Go on with the search for another dt [s], and return the camera twist (6,) [m/s] of this
+        time: constant speed along an Archimedean spiral in the camera's x-y plane, whose turns are
+        0.12 m apart.
         """
         b = PITCH / (2 * np.pi)
         phi = self._turned

@@ -10,7 +10,8 @@ features, the minimum-norm pseudo-inverse tilts the camera, however small the er
 fewer than six features only vx, vy, vz and wz move by default.
 
 A joint at the end of its range is left out: the law goes on with the other joints. If these cannot
-control all features, it servoes the first features of the set, as many as they can.
+control all features, the law servos the first features of the set, as many as the joints can
+control; a set of more than six features is servoed as a whole, by least squares.
 """
 
 from dataclasses import dataclass, replace
@@ -31,8 +32,8 @@ from servo.types import DOF, Command, Mode, OwnMotion, Prediction, Sight, Trace
 from sim.types import Array, Posture
 
 FORESEEN = 3.0
-"""Number of frames over which the change of the interaction matrix is extrapolated; chosen by
-hand."""
+"""Largest number of frames over which the change of the interaction matrix is extrapolated; chosen
+by hand."""
 NO_TILT = (
     f"controller.weights: {', '.join(UNTILTED)} have the weight 0, and with fewer than six "
     "features only these move by default, so the camera would stand still: give one of them a "

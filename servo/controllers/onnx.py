@@ -158,7 +158,8 @@ class Network:
         )
 
     def _twist(self, given: Mapping[str, Array | Image]) -> Array:
-        """Return the network's first output (6,), from the values of its inputs and perhaps others.
+        """Return the network's first output as a vector (n,), from the values of its inputs and
+        perhaps others.
 
         Raises:
             ValueError: An input does not fit the network, or the network exceeds the time limit.

@@ -146,7 +146,7 @@ def _change(
     one, else 0.
 
     If no component may move, or DAQP finds no solution, the change is -law: the camera stops, which
-    keeps all hard bounds.
+    keeps all hard bounds. The law's excess over each bound then stands in place of the multipliers.
 
     Args:
         desired: Interaction matrix of the features, and the components of the twist that may move.

@@ -174,11 +174,11 @@ class ErrorFilters:
         return Prediction(shown, motion, innovation, nis, variance)
 
     def see(self, view: View) -> None:
-        """Undo the last correction if the target is now hidden, because it was probably half hidden
-        in the picture before. The first measurement of a feature is kept.
+        """Undo the correction by the previous picture if the target is not seen in this one: it was
+        probably half hidden before. The first measurement of a feature is kept.
 
         Args:
-            view: Data of the picture; its `seen` is False if the target is hidden.
+            view: Data of the picture; `view.seen` is False if the target is not seen.
         """
         if view.seen is False and self._filters is not None:
             self._filters.forget(self._corrected)
@@ -226,13 +226,13 @@ def look_ahead(
     x: Array, covariance: Array, own: OwnMotion, model: Model, model_at: Callable[[float], Model]
 ) -> tuple[Array, Array, Array]:
     """Return the error (k,) when the command that is now computed begins to act, the target's mean
-    de/dt (k,) over one frame interval from then on, and the variances (2, k) of both, over the
-    level.
+    de/dt (k,) over one frame interval from then on, and the variances (2, k) of both, divided by
+    the variance of each feature's noise.
 
     Args:
         x: States (k, n), each (error, motion of the target, noise of the tracker), at the time of
             the picture.
-        covariance: Covariances (k, n, n) of these states, over the level.
+        covariance: Covariances (k, n, n) of these states, divided by the same variances.
         own: The camera's own motion until the command acts.
         model: The filter's model at the frame interval.
         model_at: Function that returns the model at another interval [s].

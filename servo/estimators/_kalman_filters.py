@@ -45,7 +45,7 @@ class Model:
     R: float
     """Variance of the measurement's white noise."""
     P: Array
-    """Covariance (n, n) after the first measurement."""
+    """Initial covariance (n, n) of the state."""
 
 
 @final
@@ -102,7 +102,7 @@ class KalmanFilters:
 
     @property
     def covariance(self) -> Array:
-        """Covariances (k, n, n) of the states, over the level."""
+        """Covariances (k, n, n) of the states, each divided by the feature's level of variance."""
         return self._blocks()[self._all, :, self._all]
 
     @covariance.setter
@@ -116,7 +116,9 @@ class KalmanFilters:
 
     @property
     def S(self) -> Array:
-        """Variance H P H' + R of the next innovation of each feature (k,), over the level."""
+        """Variance H P H' + R of the next innovation of each feature (k,), divided by the feature's
+        level of variance.
+        """
         H = self.model.H
         return (self.covariance @ H) @ H + self.model.R
 

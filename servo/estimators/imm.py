@@ -23,7 +23,8 @@ from sim.types import Array
 
 # Both were chosen by hand on the scenarios whose target reverses or weaves.
 JUMP = 0.3
-"""Velocity noise of a manoeuvring target relative to the measurement's noise, per frame."""
+"""Ratio Var(w1) T^2 / R of a manoeuvring target, with w1 the change of its velocity from one frame
+to the next (`error_kalman.motion`)."""
 STAY = 0.95
 """Probability that a target keeps its model from one frame to the next."""
 IMPOSSIBLE = 1e-300
@@ -125,7 +126,7 @@ class Imm:
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """Return the feature error and its rate de/dt (k,) from the target's own motion [1/s],
         predicted for the time when the next command acts, after a frame in which the target was not
-        seen; zeros for features that were never measured.
+        seen; zeros before the first `update`.
 
         Args:
             own: The rate of the error (over the features' scales) that the camera's own motion

@@ -48,9 +48,11 @@ class Config:
     rho: Memory = 0.5
     """Share of the velocity's change that is left in the next frame."""
     ratio: Ratio | None = None
-    """sQ / sR, per frame; by default tuned for the camera's rate."""
+    """Ratio sQ / sR of two variances, that of the noise of the velocity's change per frame, and
+    that of a measured difference; by default tuned for the camera's rate."""
     acceleration_ratio: Ratio | None = None
-    """sQ2 T^2 / sR, per frame; by default tuned for the camera's rate."""
+    """Ratio sQ2 T^2 / sR, with the variance sQ2 of the noise of the acceleration per frame, and the
+    frame interval T; by default tuned for the camera's rate."""
     noise: Noise = "position"
     """Which noise is taken as white: that of the "position", or that of the "difference", as in
     ViSP."""

@@ -48,7 +48,8 @@ class Config:
     rho: Memory = RHO
     """Share of the velocity's change that is left in the next frame."""
     ratio: Ratio | None = None
-    """sQ / sR, per frame; by default tuned for the camera's rate."""
+    """Ratio sQ / sR of two variances, that of the noise of the velocity's change per frame, and
+    that of a measured difference; by default tuned for the camera's rate."""
     noise: Noise = "position"
     """Which noise is taken as white: that of the "position", or that of the "difference", as in
     ViSP."""

@@ -2,8 +2,9 @@
 at rest.
 
 After Tahri and Chaumette 2005 and Teuliere, Marchand and Eck 2009, section VI, written for any
-target plane 1/Z = A x + B y + C; a plane parallel to the image has A = B = 0. With the area a, the
-centroid (xg, yg), the central moments mu_pq, the scale K of the features (moments.py), and
+target plane 1/Z = A x + B y + C; a plane parallel to the image has A = B = 0. The formulas use the
+area a, the centroid (xg, yg), the central moments mu_pq, the scale K of the features (moments.py),
+and
 
     n_pq = 4 mu_pq / a    e11 = n11 - xg yg / 2    e12 = n20 - xg^2 / 2    e21 = n02 - yg^2 / 2
 

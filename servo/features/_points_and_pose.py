@@ -36,7 +36,9 @@ class PointsAndPose(Features):
         return np.concatenate([part.values(sight) for part in self._parts])
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (14, 6)."""
+        """Return the interaction matrix L (14, 6) of the features: ds/dt = L v for a camera twist v
+        (6,) in the camera frame [m/s, rad/s] and a target at rest.
+        """
         return np.concatenate([part.matrix(sight) for part in self._parts])
 
     def error(self, values: Array, goal: Array) -> Array:

@@ -80,6 +80,9 @@ class HomographyFeatures(WithRotation):
     def known(self, sight: Sight) -> NDArray[np.bool_]:
         """Return six flags (6,), all True if the current picture can be aligned with the one at the
         goal, else all False; all True too if `sight` has no picture, as in planning.
+
+        Raises:
+            ValueError: There is a current picture, and the one at the goal is missing.
         """
         return np.full(6, sight.picture is None or self._motion(sight) is not None)
 
@@ -101,6 +104,9 @@ class HomographyFeatures(WithRotation):
     def _motion(self, sight: Sight) -> Pose | None:
         """Return c*Mc, the camera's pose in the desired camera's frame; None if the pictures could
         not be aligned. The result for the last picture is kept.
+
+        Raises:
+            ValueError: One of the pictures is missing.
         """
         goal = sight.aim
         picture, wanted = picture_of(sight), picture_of(goal)

@@ -19,7 +19,7 @@ from sim.channels import Channel
 from sim.types import Array
 
 BORDER = 10
-"""Pixels this near to the picture's edge are left out."""
+"""Width of the strip along each side of the picture whose pixels are left out [px]."""
 TAPS = np.array([-112, -913, -2047, 0, 2047, 913, 112]) / 8418
 """Derivative filter along a row or a column."""
 LEAST = 1e-3
@@ -105,7 +105,8 @@ class PhotometricFeatures(Features):
 
     def _blur_for(self, sight: Sight, goal: Sight) -> float:
         """Return the standard deviation of the blur for a picture [px]: the widest one, halved as
-        often as the difference of both pictures has been since the start.
+        often as the difference of both pictures has been since the start; 0 from four halvings on,
+        and for the goal itself.
         """
         if self._widest == 0.0 or sight is goal:
             return 0.0

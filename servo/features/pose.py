@@ -25,8 +25,9 @@ class Config:
     """
 
     error: Error = "cdMc"
-    """"cdMc": of the camera as the goal's camera sees it, so that the camera goes straight; "cMo":
-    of the target, so that its centre goes straight in the image."""
+    """Translation that is servoed: "cdMc", that of the camera in the frame of the desired camera,
+    so that the camera moves straight; "cMo", that of the target in the camera frame, so that the
+    target's centre moves straight in the image."""
 
     def build(self, outline: Array) -> "PoseFeatures":
         """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not

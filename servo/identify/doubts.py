@@ -54,9 +54,9 @@ def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[st
         fastest: Largest rate of each joint of the simulated robot [m/s, rad/s], by name.
 
     Raises:
-        Mistake: A joint does not follow its command, or with another sign or unit; its encoder does
-            not follow the joint, or with another sign or unit; or the log does not determine delay
-            or lag.
+        Mistake: A joint does not follow its command, or follows it with another sign or unit; its
+            encoder does not follow the joint, or follows it with another sign or unit; or the log
+            does not determine delay or lag.
     """
     sentences = [log.clock] if log.clock else []
     apart = list(_disagreement(found))
@@ -125,7 +125,7 @@ def _of_gain(name: str, gain: Interval, *, is_joint: bool) -> Iterator[str]:
     as far as commanded.
 
     Raises:
-        Mistake: A joint does not follow its command, or with another sign or unit.
+        Mistake: A joint does not follow its command, or follows it with another sign or unit.
     """
     is_sure = gain.high - gain.low < VAGUE * abs(gain.value)
     times = f"{name} moves {interval_text(gain)} times as far as commanded"

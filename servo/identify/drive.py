@@ -11,17 +11,17 @@ from servo.identify.log import Series
 from sim.types import Array
 
 GRID = 2e-3
-"""Interval of the modelled motion [s], equal to a step of the physics."""
+"""Interval of the modelled motion [s], about a step of the physics."""
 
 
 def summed(rates: Series, until: float) -> Series:
-    """Return the sum of commanded rates over time, which is the commanded motion: from zero at the
-    first command, each of which holds until the next one.
+    """Return the commanded motion [m, rad]: the integral of commanded rates over time, zero at the
+    first command. Each command holds until the next one.
 
     Args:
         rates: The commands [m/s, rad/s].
-        until: How long the motion is wanted [s]; it ends one step of the grid later, or after the
-            last command.
+        until: Time up to which the motion is wanted [s]; it ends 2 ms later, or 2 ms after the last
+            command if that is later.
     """
     times = np.append(rates.times, max(until, rates.times[-1]) + GRID)
     return Series(times, np.concatenate([[0.0], np.cumsum(np.diff(times) * rates.values)]))

@@ -182,7 +182,8 @@ class _Model:
         self.is_behind = is_behind
         """True where the play is behind the lags."""
         self.resolution = resolution
-        """Least half width of an interval [s], or, for positions, the travel in this time."""
+        """Time that is added to the half width of an interval [s]; to that of a play, the travel in
+        this time is added."""
         self.spans = np.array([np.ptp(c.moved.values) for c in channels])
         self.has_play = np.array(
             [
@@ -456,7 +457,8 @@ def _less(drift: tuple[csr_array, Array], values: Array) -> Array:
 
 
 def _noise(channel: LogChannel, delay: float, lag: float) -> Interval | None:
-    """Return the standard deviation of an encoder at standstill, with its chi-squared interval.
+    """Return the standard deviation of an encoder at standstill [m, rad], with its chi-squared
+    interval; None if there are no readings, or too few at standstill.
 
     Each standstill has a level, and the end of the motion before it, which decays with the lag.
     """
@@ -506,7 +508,8 @@ def _step(readings: Array) -> float:
 
 def _beyond(noise: Interval, step: float) -> Interval:
     """Return the noise of an encoder before its readings are rounded to a step, since rounding adds
-    step^2 / 12 to the square of the noise.
+    step^2 / 12 to the square of the noise. A noise below half a step is not seen: it is returned as
+    0, with an interval from 0 to half a step.
     """
     if noise.value < step / 2:
         return Interval(0.0, 0.0, step / 2)
@@ -516,7 +519,8 @@ def _beyond(noise: Interval, step: float) -> Interval:
 
 def jitter_of(transport: Array) -> Interval | None:
     """Return the width of the range from which waits (n,) [s] are drawn uniformly, with its 95 %
-    interval: range over width is distributed as Beta(n - 1, 2). None if it is unknown.
+    interval: range over width is distributed as Beta(n - 1, 2). None for fewer than three waits, or
+    if all are equal.
     """
     n = len(transport)
     if n < FEWEST or np.ptp(transport) == 0:

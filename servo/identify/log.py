@@ -102,7 +102,8 @@ class LogChannel:
     command: Series
     """Commanded rates, each held until the next one [m/s, rad/s]."""
     moved: Series
-    """Positions [m, rad]; for a component of the twist, its integral."""
+    """Positions [m, rad]: those of the joint, else of its encoder, else the integral of measured
+    rates."""
     encoder: Series
     """Readings of the motor's encoder [m, rad]; empty if there are none."""
     shows_play: bool
@@ -119,7 +120,8 @@ class Log:
     channels: list[LogChannel]
     """Channels with a command that varies and a position that varies."""
     transport: Array
-    """From each picture's stamp to its arrival (n,) [s]; empty if unknown."""
+    """Times from pictures' stamps to their arrivals (n,) [s], wrong by a constant if `clock` says
+    so; empty if unknown."""
     unused: list[str]
     """Names of columns that are not used here, or are empty."""
     asked: list[tuple[str, str]]
@@ -184,7 +186,7 @@ def log_of(table: pa.Table, path: Path) -> Log:
     span = round(float(time[-1]) - float(time[0]), 3)
     if not SHORTEST <= span <= LONGEST:
         raise Mistake(
-            f"{path}: this log is {span:.3g} s long: record {SHORTEST:g} to {LONGEST:g} s"
+            f"{path}: this log is {span:.6g} s long: record {SHORTEST:g} to {LONGEST:g} s"
         )
     lost = _lost(time)
     asked, waited = _pictures(columns, lost)
@@ -223,8 +225,11 @@ def _parts(name: str, unit: str) -> tuple[str, str, str, str]:
 
 
 def _check_enough(moving: Sequence[LogChannel], path: Path) -> None:
-    """Check that a log has a channel that moves, and that each one that moves has enough
-    positions.
+    """Check that a log has a channel that moves, and that each one that moves has enough positions,
+    near enough to each other.
+
+    Raises:
+        Mistake: It has not.
     """
     for channel in moving:
         positions = len(channel.moved.values)
@@ -313,7 +318,12 @@ def numbers_in(table: pa.Table, name: str, path: Path) -> Array:
 
 
 def _messages(data: bytes) -> list[dict[str, object]]:
-    """Return the JSON messages of a log in MCAP that have a time_s."""
+    """Return the JSON messages of a log in MCAP that have a time_s.
+
+    Raises:
+        Mistake: The package mcap is not installed.
+        ValueError: The file is damaged, or a message is not valid JSON.
+    """
     try:
         from mcap.exceptions import McapError
         from mcap.reader import make_reader
@@ -330,7 +340,7 @@ def _messages(data: bytes) -> list[dict[str, object]]:
 def _lost(time: Array) -> Array:
     """Return the number of rows missing before each row (n,).
 
-    It is 0 where rows come irregularly, such as those of several sources.
+    It is 0 for all rows if too many come irregularly, such as those of several sources.
     """
     intervals = np.diff(time) / np.median(np.diff(time))
     whole = np.rint(intervals)
@@ -348,9 +358,11 @@ def _pictures(columns: dict[str, Array], lost: Array) -> tuple[Array, Array]:
     """
     time = columns["time_s"]
     if set(PICTURES) <= columns.keys():
-        at = np.searchsorted(columns["frame"], columns["picture"])
-        made = np.where(columns["decided"] > 0, time[at] + columns["age_s"], np.nan)
-        return made, np.where(columns["decided"] > 0, columns["age_s"], np.nan)
+        at = np.searchsorted(columns["frame"], columns["picture"]).clip(max=len(time) - 1)
+        is_there = columns["frame"][at] == columns["picture"]
+        decided = (columns["decided"] > 0) & is_there
+        made = np.where(decided, time[at] + columns["age_s"], np.nan)
+        return made, np.where(decided, columns["age_s"], np.nan)
     waited = columns.get("arrived_s", np.full(len(time), np.nan)) - time
     since = np.where(lost < BRIDGED, lost * np.diff(time, prepend=time[0]) / (lost + 1), 0.0)
     return columns.get("asked_s", time - since / 2), waited
@@ -485,7 +497,9 @@ def _series(times: Array, values: Array) -> Series:
 
 
 def _averaged(series: Series) -> Series:
-    """Return means over intervals of 5 ms of a series that is faster; else the series itself."""
+    """Return means over intervals of 5 ms of a series whose median interval is at most 2.5 ms; any
+    other series, or one of fewer than 40 numbers, is returned unchanged.
+    """
     times = series.times
     if len(times) < FEWEST or np.median(np.diff(times)) > FINEST / 2:
         return series

@@ -62,7 +62,7 @@ class Part:
                 raise Mistake(f"{self.place}: {error}") from error
             # Checked now, so that a wrong component fails before the run begins.
             check_built(self.kind_of_place, built)
-            check_sees(self.config, built)
+            check_sees(self.kind_of_place, self.config, built)
         return built
 
     def guarded(self, built: Built, *, checked: bool = True) -> Built:

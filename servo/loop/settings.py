@@ -15,7 +15,7 @@ from servo.mistake import Mistake
 from servo.parts import Controller, Estimator, FeaturesConfig
 from servo.sight.estimate_to_sight import SightConfig
 from sim.camera.camera import CameraConfig
-from sim.channels import GIVEN, Channel, Channels, channels_fault, needs_of
+from sim.channels import BY_ARGUMENTS, Channel, Channels, channels_fault, needs_of
 from sim.kinds import PartConfig, kind_of
 from sim.kinematics.robot import Design
 from sim.leader import LeaderConfig
@@ -229,7 +229,7 @@ class Setup:
         channels (kinds of data) that it is not given, or settings of a standing camera or of a
         leader (a second tag that the motion moves) contradict others; "" if nothing is wrong.
         """
-        for place in GIVEN:
+        for place in BY_ARGUMENTS:
             fault = channels_fault(place, getattr(self, place))
             if fault:
                 return f"{place}: {fault}"

@@ -21,11 +21,13 @@ from tracking.drawing.film_page import FilmPage, FrameReceiver, panel
 from tracking.drawing.running_chart import Chart
 
 PANEL = (616, 462)
-"""Two of them, with the margins, are 1280 px wide; the film is 720 px high."""
+"""Width and height [px] of each of the two pictures in a frame of a film of one run; with margins,
+title and chart, the frame has 1280 by 720 px."""
 PANEL_OF_TWO = (448, 336)
-"""The same where two runs are beside each other, with each room below its camera."""
+"""Width and height [px] of a picture in a film of two runs, in which each run has its camera's
+picture above that of its room."""
 LONGEST = 46
-"""Letters of a caption that fit above a picture there, beside its status."""
+"""Characters of a caption that fit above a picture in a film of two runs, beside the status."""
 TITLE_OF_TWO = "Estimate green, goal red, truth white"
 MARKS = "estimate green, goal red, truth and paths of its corners white"
 CAPTIONS = (f"Camera: {MARKS}", "The room, and beside the camera")
@@ -35,28 +37,28 @@ CURVES = {
     "estimated to true centre": colours.CURVES[1],
 }
 FRUSTUM = 0.25
-"""Distance from the camera at which the room shows the border of its picture [m]."""
+"""Depth in front of the camera at which the room shows the border of the camera's picture [m]."""
 FOLLOWING = 3
-"""Times smaller than the picture of the room is the view that follows the camera."""
+"""Width and height of the picture of the room, over those of the view that follows the camera."""
 BESIDE = np.array([0.6, -1.1, 0.45])
-"""Where it is taken from, seen from the middle between camera and target [m]; farther away where
-these are more than 1 m apart.
+"""Position, in the world's axes, from which this view is taken, relative to the middle between
+camera and target [m]; if these are more than 1 m apart, times their distance in metres.
 """
 BORDER = 2
 WHITE = 255
-"""Width [px] and brightness of the lines around it."""
+"""Width [px] and brightness of the lines around this view."""
 PARTS = 16
-"""Parts of a pixel to which lines are drawn."""
+"""Positions of lines are rounded to 1 / PARTS of a pixel."""
 
 
 class RunViews:
     """Draws two pictures for each step of a run, both of the given `size` (width, height) [px]: the
     camera's picture, and the room (the scene from outside).
 
-    The camera's picture has the true outline of the target (white), its goal (red) and its estimate
-    (green), and the paths of its true corners so far. The room has the camera's field of view as a
-    pyramid, and the camera's path so far, both drawn over everything. In the room's lower right
-    corner is a second view, which follows the camera.
+    The camera's picture has the target's outlines (true: white, at the goal: red, estimated:
+    green), the paths of its true corners so far, and the tracker's particles, if there are any. The
+    room has the camera's field of view as a pyramid, and the camera's path so far, both drawn over
+    everything. In the room's lower right corner is a second view, which follows the camera.
     """
 
     def __init__(self, camera: Camera, room: MjModel, size: tuple[int, int]) -> None:
@@ -165,7 +167,11 @@ class RunFilm:
         film.add(step.frame.time, views.draw(step), errors, [step.estimate.status.name], note)
 
     def close(self) -> None:
-        """Finish the film; if no step was added, no file is written."""
+        """Finish the film; if no step was added, no file is written.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
         self._finish(whole=True)
 
     def abandon(self) -> None:
@@ -217,10 +223,12 @@ def write_film_of_two(
 
     Args:
         episodes: Two episodes (runs that can be stepped) that have not begun.
-        names: Captions above the two halves.
+        names: Captions above the two halves; each gets the number of its half, and loses its middle
+            if it is too long.
         path: MP4 file to write; an older one is replaced.
-        written: Called after each frame with a text of both runs' mean distances between the
-            target's true corners and their goals, such as "error 3.1 px and 2.8 px".
+        written: Called after each frame with the text beside the film's title: both runs' mean
+            distances between the target's true corners and their goals, such as "error 3.1 px and
+            2.8 px (ended)".
 
     Raises:
         Mistake: The rates of the cameras differ.

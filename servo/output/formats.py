@@ -22,7 +22,7 @@ ABSURD = 1e100
 Number = Annotated[float, Ge(-ABSURD), Le(ABSURD)]
 RUN_AGAIN = "repeat the command that wrote it, into a new folder"
 HALF_WRITTEN = f"it may be half-written: {RUN_AGAIN}"
-"""What to do about a file that is not as it was written, for messages."""
+"""Ends of messages about a file that is not as it was written: what to do."""
 T = TypeVar("T")
 
 
@@ -56,7 +56,7 @@ class Document:
         file of this name is replaced.
 
         Args:
-            folder: An existing folder.
+            folder: The folder; made if it does not exist.
             name: Name of the file; None: the constant FILE.
 
         Raises:
@@ -99,13 +99,13 @@ class Document:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Made(Document):
-    """Base class of the contents of JSON files that also name the command line that made the file
-    ("" for Python), and the versions of packages, by name.
+    """Base class of the contents of JSON files that also name the command line that makes the file
+    again ("" if it was made from Python), and the versions of packages, by name.
     """
 
     command: str
-    """The command line that repeats it, without --out and the number of workers; empty if it was
-    made from Python.
+    """The command line that makes the file again, without --out and the number of workers; "" if
+    the file was made from Python.
     """
     versions: dict[str, str]
     """Versions of the packages that decide the numbers, and the digest of our own source."""

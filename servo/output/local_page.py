@@ -10,7 +10,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 HOST = "127.0.0.1"
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
-"""Variables that name a display on Linux."""
+"""Environment variables that name a display on Linux."""
 
 
 def has_display() -> bool:
@@ -35,7 +35,7 @@ class LocalServer(ThreadingHTTPServer):
             path: Path of the page in its address.
 
         Raises:
-            OSError: The port is in use.
+            OSError: The port is in use, or may not be used.
         """
         super().__init__((HOST, port), LocalHandler)
         self.answers = answers
@@ -87,4 +87,4 @@ class LocalHandler(BaseHTTPRequestHandler):
 
 
 Answer = Callable[[LocalHandler], None]
-"""Answers a request by its handler."""
+"""Function that answers a request, given the request's handler."""

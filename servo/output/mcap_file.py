@@ -48,7 +48,8 @@ CHUNK = 1 << 18
 JPEG_QUALITY = 85
 """Higher than in a Rerun recording: trackers may be run on the log's pictures."""
 LATEST = ros2.SECOND << 31
-"""Stamps that the messages cannot hold begin here [ns]: seconds are integers of 32 bits."""
+"""The first stamp that a message cannot hold [ns], as its seconds are a signed integer of 32
+bits."""
 FRAME = "camera"
 TOPICS = {
     "/camera/image/compressed": "sensor_msgs/CompressedImage",
@@ -70,7 +71,7 @@ SHOT = {
 }
 """Fields of a track's rows."""
 NOT_A_FIELD = re.compile("[^A-Za-z0-9]+")
-"""What the name of a message's field cannot have; joints have any names."""
+"""Characters that become "_" in the name of a message's field, such as those of a joint's name."""
 Corners = Mapping[tuple[int, int, int], Array]
 
 
@@ -98,7 +99,7 @@ class McapFile:
         """Open a new file.
 
         Args:
-            path: File to write.
+            path: File to write; an older one is replaced.
             topic: Topic of the rows, such as "/step".
             columns: ROS types of the rows' columns by name, such as "float64".
 
@@ -274,8 +275,9 @@ class McapFile:
 
 
 def _fields(columns: Iterable[str]) -> dict[str, str]:
-    """Return the name of a message's field for each column of the rows, by column; the names are
-    valid in ROS 2 and unique.
+    """Return the name of a message's field for each column of the rows, by column: "_" replaces
+    other characters than letters and digits, and a name that an earlier column has already gets the
+    column's number.
     """
     found: dict[str, str] = {}
     for number, column in enumerate(columns):
@@ -343,10 +345,10 @@ class RunMcap(McapFile):
         )
 
     def add(self, step: Step) -> None:
-        """Write the messages of a step: outlines of truth, goal and estimate; poses of robot base,
-        camera and target; and all values of the step's row in steps.parquet. If the camera
-        delivered a picture, also this, the camera's calibration, and the depth picture if there is
-        one.
+        """Write the messages of a step: outlines of truth, goal and estimate; the tracker's
+        particles, if there are any; poses of robot base, camera and target; and all values of the
+        step's row in steps.parquet. If the camera delivered a picture in this frame, write the
+        picture, the camera's calibration, and the depth picture (if there is one), too.
 
         Raises:
             OSError: The file cannot be written.
@@ -378,7 +380,7 @@ class RunMcap(McapFile):
 class TrackMcap(McapFile):
     """Sink (receiver of the pictures of a track) that writes each picture, with the tracker's
     estimate, into a new MCAP log at `path`. `region` is the target's region in the first picture,
-    from which the outlines follow.
+    which gives the size of estimated outlines.
     """
 
     def __init__(self, path: Path, region: Region) -> None:
@@ -390,8 +392,9 @@ class TrackMcap(McapFile):
         """Write the messages of a tracked picture: the picture, if it could be decoded, the
         outlines of estimate and truth, the particles, and a row of numbers.
 
-        Their time is the stamp of the picture; without one it is the picture's time since the
-        first, with the same shift as at the last stamp.
+        Their time is the stamp of the picture. If the picture has none (or one that ROS 2 cannot
+        hold), it is the picture's time since the first picture, plus the difference between stamp
+        and this time in the last picture with a stamp (0 before the first stamp).
 
         Args:
             shot: The picture with its estimate.

@@ -53,7 +53,8 @@ def motion_figure(curves: RunCurves, title: str) -> Drawing:
 
     Each feature for which the feature set proposes feed-forward (or each feature, if it proposes
     none) has a plot of its own with the measured, the estimated and the true rate, unless the true
-    and the estimated rate are always zero.
+    and the estimated rate are zero or unknown in all frames. If this leaves no plot, the first of
+    these features has one.
     """
     return _drawn(curves, f"{title}: the target's own motion", curves.motions())
 
@@ -67,7 +68,9 @@ def error_figure(curves: RunCurves, title: str) -> Drawing:
 
 
 def _drawn(curves: RunCurves, title: str, shown: Sequence[Panel]) -> Drawing:
-    """Return the figure of some plots below each other, shaded where the tracker is not sure."""
+    """Return the figure of some plots below each other, shaded at times at which the camera
+    delivered no picture, or the tracker's status is not LOCKED.
+    """
     time = curves["time_s"]
     whole, axes = panels(8, MARGINS + HEIGHT * len(shown), len(shown), sharex=True)
     for ax, panel in zip(axes, shown, strict=True):

@@ -18,15 +18,16 @@ CAMERA = "room"
 """Name of a camera of room.xml, which is moved."""
 EYE = (0.9, -3.1, 1.9)
 LOOKS_AT = (0.0, 0.0, 0.5)
-"""First position of the camera, and the point at which it looks then [m]; recordings begin with
-the same view.
+"""First position of the camera in the world, and the point at which it looks then [m]; Rerun shows
+recordings from there at first, too.
 """
 SMOOTH = 4
-"""Samples of a pixel, so that edges have no steps."""
+"""Samples in each pixel, which are averaged so that edges have no steps."""
 FOVY = radians(55)
 """Vertical field of view [rad], in which a whole robot fits."""
 MARGIN = 1.1
-"""Distance of the camera, over the least one from which all points are in the picture."""
+"""Distance of the camera in `RoomView.fit`, over the least one from which all points are in the
+picture."""
 
 
 class RoomView:
@@ -100,7 +101,7 @@ class RoomView:
 
     def project(self, points: Array) -> Array:
         """Return the pixels (n, 2) [px] of points (n, 3) of the world [m] in the picture of this
-        view.
+        view; those of points behind its camera are meaningless.
         """
         seen = (points - self._eye) @ _towards(self._eye, self._looks_at) @ VISION_FROM_MUJOCO
         return self._view.project(seen)

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 SECOND = 1_000_000_000
-"""In nanoseconds."""
+"""One second [ns]."""
 CORNER = "foxglove_msgs/Point2"
 COLOUR = "foxglove_msgs/Color"
 STAMP = "builtin_interfaces/Time timestamp\n"

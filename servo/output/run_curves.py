@@ -18,11 +18,11 @@ from sim.types import Array
 from tracking.types import Status
 
 MIDDLE = (1, 99)
-"""Percentiles of the measured motion that its figure shows; outliers may be outside."""
+"""Percentiles of the measured motion between which its plot shows it; outliers may be outside."""
 ROOM = 0.1
 LEAST = 0.02
-"""Room above and below the curves, over their range; and the least range, in the feature's unit
-per second.
+"""Room above and below the curves, as a share of their range; and the least range from which this
+room is computed, in the feature's unit per second.
 """
 REST = 1e-9
 """Largest rate of a feature of a target at rest, by rounding [the feature's unit per second]."""
@@ -53,7 +53,7 @@ class RunCurves:
 
     table: pa.Table
     units: Mapping[str, str]
-    """Unit of each feature by name; 1: a number without unit."""
+    """Unit of each feature by name; "1": a number without unit."""
     feed_forward: Sequence[str]
     """Features for which the feature set proposes feed-forward."""
     place: str = TABLE
@@ -92,8 +92,8 @@ class RunCurves:
         return ~((self["fresh"] > 0) & locked)
 
     def distances(self) -> Panel:
-        """Return the plot of two distances [px]: of the target's true centre from the goal, and of
-        its estimated from its true centre.
+        """Return the plot of two distances [px]: of the target's true centre from its goal, and of
+        its estimated centre from its true one.
         """
         lines = {
             "true centre to goal": self["servo_error_px"],
@@ -117,8 +117,9 @@ class RunCurves:
         proposes feed-forward (the setting `controller.feed_forward` does not count), or for each
         feature if it proposes none.
 
-        Features whose true and estimated rates are zero are left out. If these are all, as for a
-        target at rest without an estimator, the first one is returned.
+        Features whose true and estimated rates are zero or nan in all frames are left out. If no
+        feature remains, as for a target at rest without an estimator, the plot of the first one is
+        returned.
         """
         names = [name for name in self.feed_forward or self.units if name in self.units]
         every = [self._motion(name) for name in names]

@@ -127,7 +127,7 @@ class RunFolder:
 
         Raises:
             Mistake: Another run is writing into this folder.
-            Refused: The disk has no space for the rows.
+            Refused: The table cannot be opened: usually the disk has no space for the rows.
         """
         self.folder = folder
         self._scenario = episode.scenario
@@ -163,7 +163,7 @@ class RunFolder:
 
     def add(self, step: Step) -> None:
         """Write a step as a row of the table, and give it to the recording and the other outputs.
-        An error of one of these is not raised: `refused` keeps it.
+        An OSError or `Refused` of one of these outputs is not raised: `refused` keeps the first.
 
         Raises:
             OSError: The row cannot be written.

@@ -129,9 +129,9 @@ class Timer:
 
 
 class PacedSink:
-    """Sink (receiver of frames) that passes each frame on to another sink when it is due. `speed`
-    is the number of simulated seconds in a second of the wall clock (1: real time); `time_of`
-    returns the simulated time [s] of a frame.
+    """Sink (receiver of frames) that passes each frame on to another sink when the frame is due.
+    `speed` is the number of seconds of the run or track in a second of the wall clock (1: real
+    time); `time_of` returns the time [s] of a frame in the run or track.
     """
 
     def __init__(self, sink: Sink, speed: float, time_of: Callable[[Any], float]) -> None:
@@ -139,9 +139,8 @@ class PacedSink:
 
         Args:
             sink: Gets the frames.
-            speed: Simulated seconds in a second of the wall clock.
-            time_of: Returns the time of a frame, given as a step of a run or a picture of a track
-                [s].
+            speed: Seconds of the run or track in a second of the wall clock.
+            time_of: Function that returns the time [s] of a run's `Step` or a track's `Shot`.
         """
         self._sink = sink
         self._speed = speed
@@ -151,8 +150,9 @@ class PacedSink:
         self._began: float | None = None
 
     def add(self, *given: object) -> None:
-        """Wait until a frame is due, and pass it on to the other sink. It is due when its simulated
-        time since the first frame, divided by the speed, has passed on the wall clock.
+        """Wait until a frame is due, and pass it on to the other sink. A frame is due when its time
+        after the first frame, divided by the speed, has passed on the wall clock since the first
+        call of this method.
         """
         due = self._time_of(given[0]) / self._speed
         now = time.monotonic()

@@ -37,12 +37,15 @@ POSE_UNITS = ("m", "m", "m", "", "", "", "")
 TWIST_UNITS = ("m_s", "m_s", "m_s", "rad_s", "rad_s", "rad_s")
 """Names and units of the numbers of a state, four corners, a pose and a twist."""
 TIMED = "seconds_"
-"""Prefix of columns of wall-clock time; all other columns repeat bit for bit with the seed."""
+"""Prefix of columns of wall-clock time; all other columns are bit for bit the same when a run is
+repeated, unless `RunConfig.repeats` is False."""
 CELL = 16
 COLUMN_OF_BATCH = 96
-"""Largest size of a value in stream and table, and of a column's frame in a batch [bytes]."""
+"""Space reserved for a value in stream and table, and for a column's description in a batch
+[bytes]."""
 BATCHES = 10
-"""Batches a simulated second for which space is reserved: a run at a tenth of real time."""
+"""Batches for which space is reserved, in a simulated second: enough for a run at a tenth of real
+time."""
 SPARE = 1 << 19
 """Space for report and plots, which are written after the rows [bytes]."""
 
@@ -59,7 +62,7 @@ class Quantity:
     names: tuple[str, ...]
     """The names alone, which pyarrow would decode anew each time."""
     of: Callable[[Step], Sequence[object] | Array]
-    """One value for each column."""
+    """Function that returns the value of each column for a step."""
 
 
 def quantities(
@@ -276,15 +279,16 @@ def _vector(
 class StepsTable:
     """Writer of the table of one run's steps in a folder: into the Arrow stream steps.arrows as
     they come, and at the end into steps.parquet. Space on the disk for all rows of the episode is
-    reserved at the beginning.
+    reserved at the beginning, if the operating system can do this.
     """
 
     def __init__(self, folder: Path, episode: Episode) -> None:
-        """Open the stream in a folder, and reserve space on the disk for all rows of the episode.
+        """Open the stream in a folder, and reserve space on the disk for all rows of the episode,
+        if the operating system can do this.
 
         Raises:
-            FileExistsError: Another run is writing into this folder.
-            OSError: The disk has no space for the rows.
+            FileExistsError: The folder has a stream already: another run is writing into it.
+            OSError: The stream cannot be written, or the disk has no space for the rows.
         """
         self._folder = folder
         self._timer = Timer()

@@ -35,8 +35,8 @@ SPARE = 1 << 18
 class TrackFolder:
     """Writer of the files of one track: a row for each picture to track.csv, the same rows to
     track.parquet at the end, a Rerun recording if `recording`, and other outputs such as a film
-    (`more`, by path of the file or name). If one of the latter fails, the rows are still written.
-    `region` is the target's region in the first picture.
+    (`more`, by path of the file or name). If the recording or another output fails, the rows are
+    still written. `region` is the target's region in the first picture.
     """
 
     def __init__(
@@ -56,10 +56,10 @@ class TrackFolder:
             more: Other sinks of pictures and estimates, by path of their file or by name.
 
         Raises:
-            OSError: A file cannot be written.
+            OSError: The file track.csv cannot be written.
         """
         self.count = 0
-        """Number of rows, known after `close`."""
+        """Number of rows; 0 before `close`."""
         self.seconds = 0.0
         """Wall-clock time that writing and showing the shots has taken so far [s]."""
         self._folder = folder
@@ -75,7 +75,9 @@ class TrackFolder:
 
     @property
     def paths(self) -> list[Path]:
-        """All files of the track, without outputs that failed."""
+        """Paths of track.csv, track.parquet (which exists after `close`), and the files of all
+        other outputs but those that failed.
+        """
         return [self._folder / TRACK, self._folder / TABLE, *self._sinks.paths]
 
     @property
@@ -126,9 +128,9 @@ def _rows(file: Path) -> pa.Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackReport(Made):
-    """The contents of the file report.json of a track: source of the pictures, kind and settings of
-    the tracker, numbers of frames with status LOST and UNSURE, and measures by name with their
-    units (none if the target's true outlines are unknown).
+    """The contents of the file report.json of a track: source of the pictures and remarks on it,
+    kind, settings and seed of the tracker, numbers of frames, and measures by name with their units
+    (no measures if the target's true outlines are unknown).
     """
 
     FILE: ClassVar[str] = "report.json"
@@ -150,14 +152,17 @@ class TrackReport(Made):
     units: dict[str, str]
     """Units of the measures by name."""
     end: str = ""
-    """The end of the source, where it is worth a sentence: a lost stream, a damaged bag."""
+    """A sentence about the end of the source, if there is something to say, such as that a stream
+    broke off or a bag is damaged; else ""."""
     start: Number | None = None
-    """Stamp of the first picture [s], as its bag or video states it; exact in track.csv."""
+    """Stamp of the first picture that has one [s], as its bag or video states it (rounded; exact in
+    track.csv); None: no picture has one."""
     began: str = ""
-    """When the first picture of a live source came, by this machine's clock (ISO 8601, UTC)."""
+    """When the first picture of a live source came, by this machine's clock (ISO 8601, UTC); "" for
+    other sources."""
     dropped: int = 0
-    """Pictures of a stream that the tracker never saw, because they came faster."""
+    """Number of pictures of a stream that came while the tracker was busy, and were not used."""
     damaged: int = 0
-    """Pictures that are damaged; of a stream also those that cannot be decoded."""
+    """Number of damaged pictures; of a stream, including those that cannot be decoded."""
     notes: list[str] = field(default_factory=list[str])
     """Sentences about the pictures, such as the bits that they use."""

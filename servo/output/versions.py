@@ -14,7 +14,7 @@ OPENCV = (
     "opencv-contrib-python-headless",
     "opencv-contrib-python",
 )
-"""Distributions of `cv2`: all write into one folder, so that only one can be whole."""
+"""Distributions of `cv2`: all write into one folder, so that only one can be intact."""
 VERSIONED = (
     "servobench",
     "mujoco",

@@ -16,7 +16,7 @@ from sim.types import Array, Camera, Image
 LEAST_TAGS = 3
 """Number of the sheet's tags that must be seen."""
 WIDEST_EDGE = 8.0
-"""Width of the sharpest edge in a photograph that is called blurred [px]."""
+"""Width of the sharpest edges above which a photograph is called blurred [px]."""
 LARGEST_ERROR = 0.02
 """Largest rms distance of the tags' corners from their places, relative to the tags' side: more has
 a sheet that is not flat or a lens that bends."""

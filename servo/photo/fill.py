@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sim.types import Array, Image
 
 BORDER = 12
-"""The filling fades out on a border of this fraction of the hole's shorter side (1 / 12)."""
+"""The filling fades out on a border as wide as the hole's shorter side over this number."""
 Area = tuple[slice, slice]
 """Rows and columns of a part of a picture."""
 
@@ -51,8 +51,9 @@ def filled(image: Image, hole: Area) -> Image:
 
 
 def _plans(hole: Area) -> list[list[tuple[Area, tuple[int, int]]]]:
-    """Return plans to fill a hole, the best first: for each part of the hole, how many times its
-    own height below it and its own width to the right of it the picture is copied from.
+    """Return plans to fill a hole, the best first. A plan has the parts of the hole, each with the
+    shift to the place that is copied into it: downwards in its own heights, and to the right in its
+    own widths.
     """
     rows, columns = hole
     row = (rows.start + rows.stop) // 2

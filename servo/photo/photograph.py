@@ -72,7 +72,7 @@ class Photograph:
     error: float
     """Rms distance of the tags' corners from their places on the sheet [m]."""
     scale: float
-    """Printed size of the sheet, relative to its own."""
+    """Printed size of the sheet, relative to its design size."""
 
     @property
     def paper(self) -> Rectangle:
@@ -126,7 +126,8 @@ class Photograph:
     def part(self, *, with_sheet: bool) -> Rectangle:
         """Return the largest rectangle of the plane along the sheet's axes, in the sheet's frame
         [m], in which all points are `usable`, found on a grid of 200 x 200 points. With
-        `with_sheet` false it does not overlap the rectangle `paper` around the sheet.
+        `with_sheet` false it does not overlap the rectangle `paper` around the sheet; its sides are
+        0 if nothing else is usable.
         """
         far = hypot(self.camera.width, self.camera.height) / (LEAST_DETAIL * self.resolution)
         around = Rectangle(-far, -far, far, far)

@@ -35,7 +35,7 @@ LARGEST = tuple(np.max([*PAPERS.values()], axis=0).tolist())
 RULER = 0.15
 """Length of the printed ruler [m]."""
 BETWEEN = 0.0425
-"""Height of the ruler over the sheet's middle, and of the text below it [m]."""
+"""Distance from the sheet's middle to the ruler above it, and to the text below it [m]."""
 MM = 1e3
 INCH = 0.0254
 QUARTER = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2
@@ -87,7 +87,7 @@ def drawn(paper: str) -> Figure:
 
 
 def _draw_tag(ax: Axes, number: int) -> None:
-    """Draw a tag [mm]."""
+    """Draw the tag with a number into axes whose unit is mm."""
     left, top = MM * tag_corners(number)[0]
     cell = MM * SIDE / CELLS
     white = cells_of(number)

@@ -24,11 +24,12 @@ CURVES = {
     "Success": (SUCCESS_CURVE, OVERLAPS, "overlap threshold", "share of frames above"),
     "Precision": (PRECISION_CURVE, PIXELS, "error threshold [px]", "share of frames within"),
 }
-"""Series of the runs, its thresholds, and titles of the axes, by those of the figures."""
+"""By title of the figure: the series of the runs that it shows, the thresholds of this series, and
+the titles of the two axes."""
 SHEETS = "sheets"
 MOST_SHEETS = 24
 SURE = 0.05
-"""Largest p value that counts as a difference between two trackers."""
+"""A smaller p value counts as a difference between two trackers."""
 
 
 def section(folder: Path, study: StudyFile) -> Section:
@@ -40,7 +41,8 @@ def section(folder: Path, study: StudyFile) -> Section:
         study: Content of its study.json.
 
     Raises:
-        Mistake: A file is missing or damaged, or there are no runs.
+        Mistake: A file is missing or damaged, or there are no finished runs.
+        Refused: The database of the runs cannot be read.
     """
     store = Store(folder)
     store.find()
@@ -159,9 +161,9 @@ def _mean(mean: Interval | None, units: int) -> str:
 
 
 def families_table(trackers: Sequence[Rank]) -> Table | None:
-    """Return a table of each tracker's mean area under the success curve (AUC) on each sequence, or
-    None if there is only one sequence. Each tracker has a column and each sequence a row, or the
-    other way round if there are fewer sequences than trackers.
+    """Return a table of each tracker's mean area under the success curve (AUC) on each sequence
+    (over its seeds), or None if there is only one sequence. Each tracker has a column and each
+    sequence a row, or the other way round if there are fewer sequences than trackers.
 
     Args:
         trackers: The trackers with their means, the best one first.

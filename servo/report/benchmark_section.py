@@ -33,9 +33,10 @@ ROWS = "rows"
 """Folder of the rows, in that of the results."""
 MOST_SHEETS = 24
 MANY = 100_000
-"""More worlds than anybody runs."""
+"""Largest number of needed worlds that is stated: nobody runs more."""
 PARTS = 6
-"""Parts of a condition's tasks by their size: seven of its 42 worlds each."""
+"""Number of groups into which the worlds of a condition are split by the size of their task: with
+30 to 42 worlds, five to seven in each."""
 COLUMNS = {
     "near": "near_pct",
     "mm": "end_position_mm",
@@ -86,7 +87,9 @@ def section(folder: Path, study: StudyFile) -> Section:
         study: Content of its study.json.
 
     Raises:
-        Mistake: A file is missing or damaged.
+        Mistake: A file is missing or damaged, there is no benchmark of this name, or the results of
+            the reference "still" are missing.
+        Refused: The database of the runs cannot be read.
     """
     benchmark = load(study.name)
     rows = rows_in((folder / ROWS).glob("*.json"))
@@ -105,7 +108,7 @@ def published_section(name: str) -> Section:
         name: Name of the benchmark, such as "loop-v1".
 
     Raises:
-        Mistake: No results are published yet.
+        Mistake: There is no benchmark of this name, or it has no published results yet.
     """
     benchmark = load(name)
     rows = shipped_rows(benchmark)
@@ -171,9 +174,11 @@ def by_pictures(benchmark: Benchmark, rows: Sequence[Row]) -> dict[str, list[Row
 
 
 def by_division(rows: Sequence[Row]) -> dict[str, list[Row]]:
-    """Return rows (each the results of a contestant) by the table that they belong to, under what
-    its title adds: contestants of the division OPEN, whose settings may differ from the file's,
-    have a table of their own, beside shipped ones; each table has the references of the scale.
+    """Return rows (each the results of a contestant) in tables, by the words that are added to a
+    table's title. Without rows of the division OPEN (whose settings may differ from the file's),
+    all rows are in one table, "". Otherwise ", open division" has the rows of OPEN, those of
+    shipped contestants and the references of the scale; and "" has all rows but those of OPEN, if
+    these are more than references.
     """
     of_open = [row for row in rows if row.division == Division.OPEN.name]
     if not of_open:
@@ -209,9 +214,9 @@ def _unfinished(folder: Path, study: StudyFile) -> Section:
 def blocks_of(
     benchmark: Benchmark, worlds: Sequence[World], groups: Mapping[str, Sequence[Row]]
 ) -> list[Block]:
-    """Return the blocks of a report, two for each group of rows (each the results of a contestant):
-    one with the contestants' table and figures, one with the effects of the factors in which worlds
-    (drawn scenarios) differ.
+    """Return the blocks of a report, two for each table (`by_division`) of each group of rows (each
+    the results of a contestant): one with the contestants' table and figures, one with the effects
+    of the factors in which worlds (drawn scenarios) differ.
 
     Args:
         benchmark: The benchmark.
@@ -299,8 +304,9 @@ def is_home(row: Row) -> bool:
 
 
 def discrimination_of(rows: Sequence[Row]) -> str:
-    """Return a sentence that says how well the worlds (drawn scenarios) tell the contestants apart;
-    "" for fewer than three contestants.
+    """Return sentences that say how well the worlds (drawn scenarios) tell the contestants apart;
+    "" for fewer than three contestants, or if all have the same points everywhere. The reference
+    tracker `frozen` does not count.
 
     Args:
         rows: The results of each contestant.
@@ -368,7 +374,7 @@ def _drawn(
 
 
 def _spread(rows: Sequence[Row], most: int) -> list[Row]:
-    """Return at most so many rows in equal distances, the first and the last among them."""
+    """Return at most `most` of the rows, evenly spaced from the first to the last."""
     return [rows[int(i)] for i in np.linspace(0, len(rows) - 1, min(len(rows), most))]
 
 
@@ -410,8 +416,8 @@ def _effects(worlds: Sequence[World], table: Sequence[Standing]) -> Table:
 
 
 def _failures(folder: Path) -> list[Block]:
-    """Return a block of the report with contact sheets of worlds in which a contestant failed; an
-    empty list if no run has a sheet.
+    """Return a list of one block of the report, which has up to 24 contact sheets of runs in which
+    a contestant failed; an empty list if no run has a sheet.
     """
     store = Store(folder)
     store.find()

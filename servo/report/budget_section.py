@@ -20,7 +20,7 @@ UNITS = ("mm", "deg", "px")
 MOST_NAMED = 3
 """Most sources that the sentence names."""
 LEAST_NAMED = 0.2
-"""Least contribution that it names, over the whole error."""
+"""The sentence names contributions that are above this share of the whole error."""
 ALONE = (
     "A contribution is sqrt(mean square error with this source alone - that with nothing wrong; "
     "for noise and resolution - that of the tracker). Errors of a calibration have a sign or a "
@@ -63,8 +63,10 @@ def summed(parts: Sequence[Part]) -> Array:
 
 
 def sentence(parts: Sequence[Part]) -> str:
-    """Return an accuracy budget in a sentence, which names up to three sources in each of the units
-    mm, deg and px, such as "At the end 0.8 mm, of which the mount rotation is 0.6; ...".
+    """Return an accuracy budget in a sentence, such as "At the end 0.8 mm, of which the mount
+    rotation is 0.6; ...". In each of the units mm, deg and px it names up to three sources whose
+    contribution is above a fifth of the whole error. Contributions are scaled down by one factor
+    if the root of their sum of squares would exceed the whole error.
 
     Args:
         parts: Errors with nothing wrong, with each source of error alone, and with all together, in
@@ -91,8 +93,8 @@ def sentence(parts: Sequence[Part]) -> str:
 
 def table(parts: Sequence[Part]) -> Table:
     """Return the table of an accuracy budget: a row for each part with its magnitude, its errors
-    [mm, deg, px], the error by linear theory [mm] and the successful runs; before the last row, the
-    root of the sum of squares.
+    [mm, deg, px], the error by linear theory [mm], and how many of the runs succeeded; before the
+    last row, the root of the sum of squares.
 
     Args:
         parts: Errors with nothing wrong, with each source of error alone, and with all together, in

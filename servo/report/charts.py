@@ -32,7 +32,7 @@ ERROR_RANGE = 50.0
 SETTING_RANGE = 10.0
 """Errors and settings that differ by more than this factor are drawn on a logarithmic axis."""
 DEEPEST = 1e3
-"""Largest ratio of the ends of a logarithmic axis."""
+"""Largest ratio of the values between the ends of a logarithmic axis; lower values are cut off."""
 MARGIN = 1.15
 """Factor by which a logarithmic axis reaches beyond the values."""
 FRAME_HEIGHT = 0.7
@@ -108,7 +108,7 @@ class Curve:
 class Scale:
     """An axis of a figure: its title, its limits `low` and `high` (None: those of the values), and
     when it is logarithmic: if the ratio of the largest to the lower quartile of the positive values
-    is above `log_from` (None: never).
+    is above `log_from` (None: never). A logarithmic axis ignores the limits.
     """
 
     title: str
@@ -127,8 +127,8 @@ def curves(
     shaded: Shade | None = None,
     note: str = "",
 ) -> Figure:
-    """Return a figure of lines over a common axis. Lines have a legend if there are several or one
-    is dashed.
+    """Return a figure of lines over a common axis. Its legend has all lines that are not faint; a
+    single line only if it is dashed.
 
     Args:
         title: Title of the figure.
@@ -284,8 +284,8 @@ def _draw(axes: Axes, curve: Curve) -> None:
 
 
 def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x", "y"]) -> None:
-    """Set the limits of an axis; make it logarithmic if the ratio of these values is above
-    `scale.log_from`.
+    """Set the limits of an axis; make it logarithmic, with limits from the values, if the ratio of
+    the largest to the lower quartile of the positive values is above `scale.log_from`.
     """
     every = np.concatenate([np.zeros(0), *values])
     above = every[np.isfinite(every) & (every > ROUNDING)]

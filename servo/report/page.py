@@ -52,7 +52,7 @@ JPEG = b"\xff\xd8"
 """First bytes of a JPEG file."""
 JPEG_QUALITY = 82
 MOST_ROWS = 500
-"""Rows of a table on a page at most; files have them all."""
+"""Most rows of a table on a page; files have all rows."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ KINDS = ("pdf", "svg", "pgf")
 """Formats of figures."""
 MOST_ROWS = 60
 MOST_COLUMNS = 16
-"""Longer and wider tables do not fit a page, and are left out."""
+"""Most rows and columns of a table; larger ones do not fit a page, and are left out."""
 TEX = str.maketrans(
     {c: f"\\{c}" for c in "{}$&#%_"}
     | {

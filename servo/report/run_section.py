@@ -40,7 +40,7 @@ def section(folder: Path) -> Section:
     bounds, errors over time, pictures and settings.
 
     Raises:
-        Mistake: The run is not finished, or a file is damaged.
+        Mistake: The run is not finished, or a file is missing, damaged or of another format.
     """
     path = folder / RunReport.FILE
     if not path.exists():

@@ -38,7 +38,8 @@ class StudyResults:
     series: dict[int, Series]
     """Values over time by the number of the run, of at most `MOST_OVER_TIME` runs."""
     pictured: set[int]
-    """Numbers of those of these runs that have a contact sheet."""
+    """Numbers of the runs that have a contact sheet, among those whose values over time were
+    read."""
     failures: list[FailureFile]
     """Errors of runs that failed and have no row."""
     retried: list[FailureFile]
@@ -46,8 +47,9 @@ class StudyResults:
 
     @property
     def axes(self) -> dict[str, list[Any]]:
-        """Values of each axis of the study, by the dotted key of the axis's setting; axes with a
-        single value are left out.
+        """Values of each axis of the study, by the axis's name: the dotted key of a setting,
+        "scenario", or the name of an axis of groups of settings. Axes with a single value are left
+        out.
         """
         return {
             key: values
@@ -72,10 +74,10 @@ class StudyResults:
 
     def groups(self, key: str | None) -> dict[str, list[Row]]:
         """Return the rows of the runs, by the values (as texts) of an axis, in the axis's order. A
-        value whose runs have all failed has an empty list.
+        value without a finished run has an empty list.
 
         Args:
-            key: Key of one of `axes`; None: all rows are in one group, "all runs".
+            key: Name of one of `axes`; None: all rows are in one group, "all runs".
         """
         if key is None:
             return {"all runs": self.rows}

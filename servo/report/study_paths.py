@@ -53,15 +53,16 @@ def shows(study: StudyResults) -> bool:
 
 
 def _size(study: StudyResults) -> tuple[int, int]:
-    """Return width and height of the camera's pictures [px]."""
+    """Return width and height of the camera's pictures [px] in the first scenario of a study."""
     camera = next(iter(study.plan.scenarios.values())).get("camera", {})
     default = CameraConfig()
     return camera.get("width", default.width), camera.get("height", default.height)
 
 
 def _figure(title: str, runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> Figure:
-    """Return the figure of the paths in some runs, by their name: above those of the camera in
-    space, below those of the corners in the picture, of width and height `size` [px].
+    """Return a figure with a column for each of some runs (row and values over time, by the
+    column's title): above, the path of the camera in space; below, the paths of the corners in the
+    picture, whose width and height are `size` [px].
     """
     paths = {n: np.column_stack([s[k] for k in CAMERA]) for n, (_, s) in runs.items()}
     arrived = [path for name, path in paths.items() if runs[name][0]["success"]]
@@ -82,8 +83,8 @@ def _figure(title: str, runs: dict[str, tuple[Row, Series]], size: tuple[int, in
 def _in_space(ax: Any, path: Array, box: Array) -> None:
     """Draw the camera's path (n, 3) [m] in the target's frame, from a ring to a dot.
 
-    The axes reach at least `box` (3,) [m] from the target, the first two to each side, the third
-    upwards; the path's z, which points into the target, is drawn upwards.
+    The axes reach at least `box` (3,) [m] from the target: x and y to each side, and z upwards. As
+    the frame's z axis points into the target, -z is drawn upwards.
     """
     above = box[2]
     aside = max(*box[:2], 0.7 * above)

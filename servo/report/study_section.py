@@ -33,11 +33,12 @@ from servo.study.store import FAILURES
 MOST_SHEETS = 24
 MOST_FAILURES = 12
 MOST_LISTED = 12
-"""Most contact sheets, failures and cells of a page, which should open at once."""
+"""Most contact sheets, failures and items of other lists on a page, which should open at once."""
 TIME = "track_ms"
 COLUMNS = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct", TIME)
 PATHS = ("settle_s", "camera_path_m", "detour_m", "retreat_m", "out_of_view_pct", "lost_pct")
-"""Measures in the tables, of studies and of those that show paths; the files have all of them."""
+"""Measures in the tables of most studies (`COLUMNS`), and of those whose section shows paths; the
+files have all measures."""
 PATHS_TITLE = "Paths of the camera and of the corners"
 PATHS_TEXT = (
     "Runs of the first seed. Above: the path of the camera around the target [m], of all runs in a "
@@ -45,7 +46,7 @@ PATHS_TEXT = (
     "corners in the picture [px]. A ring is a start, a dot is an end."
 )
 SURE = 0.05
-"""Differences with a smaller p-value, after Holm, are called differences."""
+"""A smaller p-value, after Holm's correction, counts as a difference between two values."""
 UNITS = (
     "Intervals are over independent units: scenarios if there are several, else random draws or "
     "seeds. Seeds under which the scenario is not varied count as one run."

@@ -63,8 +63,8 @@ def figures(study: StudyResults) -> list[Figure]:
     """Return figures over time: of the errors [px], and of the share of runs whose tracker is still
     on the target. Each value of the axis that the study compares has a colour.
 
-    Runs of different scenarios or durations, of which the first six are drawn, are in different
-    figures, unless the study compares scenarios or durations.
+    Each scenario and each duration (`run.duration`) of the study has figures of its own, at most
+    the first six combinations of them, unless it is what the study compares.
     """
     keys = [key for key in APART if key in study.axes and key != study.compared]
     parts = grouped(keys, study.rows)
@@ -141,8 +141,8 @@ def band(runs: Sequence[Series], name: str) -> Values | None:
 
 def survival(runs: Sequence[Series]) -> Values | None:
     """Return 200 times (n,) [s], and at each the share (n,), from 0 to 1, of the runs whose tracker
-    was never off the target from the first second until then, among the runs that last until then;
-    None if no run has the value "on_target".
+    was never off the target between 1 s and then, among the runs that last until then; None if no
+    run has the value "on_target".
 
     Args:
         runs: Values of each run over time (m,) by name; "time_s" are the times [s].
@@ -190,9 +190,9 @@ def against(study: StudyResults) -> list[Figure]:
 
 
 def heat_maps(study: StudyResults) -> list[Figure]:
-    """Return heat maps of the success rate (0 to 1) and the median rms error [px] over two axes of
-    a study; an empty list if the study has fewer axes. Numeric axes are preferred, then the axis
-    that the study compares.
+    """Return heat maps of the success rate (0 to 1) and, if a run has a finite one, the median rms
+    error [px] over two axes of a study; an empty list if the study has fewer axes. Numeric axes are
+    preferred, then the axis that the study compares. Each axis has at most its first 20 values.
     """
     keys = sorted(study.axes, key=lambda k: (not _numeric(study.axes[k]), k != study.compared))
     if len(keys) < 2:

@@ -23,7 +23,7 @@ from tracking.statistics.comparisons import Interval, clopper_pearson, mean_of
 
 EFFORT = "effort_rms_mm_s"
 WIDE = 4.0
-"""Ratio of values from which an axis of a figure is logarithmic."""
+"""Ratio of the values (see `Scale`) above which an axis of a figure is logarithmic."""
 AS_IT_IS = "as it is"
 BEST = "best"
 POINTS = (
@@ -50,9 +50,10 @@ class Tuned:
     """All candidates in their order; the first is the scenario as it is."""
     best: Candidate
     before: Sequence[Values]
-    """Runs of the scenario as it is with fresh seeds; none if no candidate keeps the conditions."""
+    """Measures of the scenario's runs as it is, with fresh seeds; none if no candidate keeps the
+    conditions and has a value of the minimised measure in each run."""
     after: Sequence[Values]
-    """Runs of the best settings with the same seeds."""
+    """Measures of the runs with the best settings and the same seeds."""
 
     @property
     def lines(self) -> str:
@@ -101,10 +102,10 @@ class Tuned:
             names = self.measures
             means = {name: float(column(self.best.runs, name).mean()) for name in names}
             return (
-                f"no settings among {len(self.tried)} candidates keep "
-                f"{' and '.join(map(str, self.aim.keep)) or 'a value'}; the nearest are {chosen}, "
-                f"with {listed(means)}: allow more, search wider ranges (--settings), or give more "
-                "runs (--budget)"
+                f"no settings among {len(self.tried)} candidates "
+                f"{' and '.join(f'keep {c}' for c in self.aim.keep) or 'have a value in each run'}"
+                f"; the nearest are {chosen}, with {listed(means)}: relax the conditions (--keep), "
+                "search wider ranges (--settings), or give more runs (--budget)"
             )
         if not self.best.settings:
             return f"No candidate is better than the scenario {AS_IT_IS}."
@@ -117,7 +118,7 @@ class Tuned:
 
     def table(self) -> Table:
         """Return the table of measures on fresh seeds, as means with 95 % intervals: of the
-        scenario as it is, and of the best settings.
+        scenario as it is, and of the best settings. The last row is `gain`.
         """
         rows = [
             [name, _unit(name), *(spread(_mean(name, column(r, name))) for r in both)]
@@ -172,14 +173,23 @@ def section(tuned: Tuned, made: StudyFile, folder: Path) -> Section:
 
 
 def _setting(tuned: Tuned, one: Candidate, key: str) -> object:
-    """Return the value of a setting that a candidate has; None where a kind replaces it."""
+    """Return the value of a searched setting in a candidate; None if the candidate has another kind
+    of component in place of the one that has this setting.
+    """
     is_own = not one.settings or key.endswith(".kind")
     return one.settings.get(key, tuned.own[key] if is_own else None)
 
 
 def _scatter(tuned: Tuned, title: str, x: str, across: Sequence[object]) -> Figure:
-    """Return a figure of the minimised measure of each candidate against a value of it, with the
-    front where it is the effort.
+    """Return a figure of the minimised measure (mean over the runs) of each candidate against
+    another value of the candidate.
+
+    Args:
+        tuned: The result of the search.
+        title: Title of the figure.
+        x: Title of the horizontal axis. If it begins with `EFFORT`, the figure also has the Pareto
+            front of measure and effort, of the candidates that keep the conditions in all runs.
+        across: The value of each candidate on the horizontal axis; None: the candidate is left out.
     """
     name = tuned.aim.minimise
     along = [float(np.mean(column(one.runs, name))) for one in tuned.tried]
@@ -212,7 +222,9 @@ def _unit(name: str) -> str:
 
 
 def _mean(name: str, values: Sequence[float] | np.ndarray) -> Interval | None:
-    """Return the mean of the finite values (n,) of a measure with its 95 % interval, or None."""
+    """Return the mean of the finite values (n,) of a measure with its 95 % interval; None if none
+    is finite. The name "" is that of differences, which may be below 0.
+    """
     finite = np.asarray(values)[np.isfinite(values)]
     if not len(finite):
         return None

@@ -84,9 +84,9 @@ class Camera:
         return camera_of_info(first(self._info, self._topic), self._topic)
 
     def newest(self) -> Frame | None:
-        """Return the newest picture, RGB, with its stamp as time [s], the number of pictures before
-        it, and its depth picture [m]. Return None if no picture comes within 20 ms whose stamp is
-        later than that of the last one returned.
+        """Return the newest picture, RGB, with its stamp as time [s], the number of pictures that
+        this client received before it, and its depth picture [m]. Return None if no picture comes
+        within 20 ms, or only one whose stamp is not later than that of the last one returned.
 
         The depth picture is None if the camera has none, or if none with the picture's stamp comes
         within 20 ms; nan in it stands for unknown depth.
@@ -159,7 +159,9 @@ class Robot:
             Mistake: No joint state has come within 10 s, it lacks a joint of the model, or it has
                 another number of positions than of names.
         """
-        states = self._reader.read(KEPT) or [first(self._reader, self._topic)]
+        # A sample without data says that a publisher has left.
+        received = [s for s in self._reader.read(KEPT) if isinstance(s, JointState)]
+        states = received or [first(self._reader, self._topic)]
         state = min(states, key=lambda s: abs(seconds(s.header.stamp) - time))
         if len(state.position) != len(state.name):
             raise Mistake(

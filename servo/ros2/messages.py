@@ -17,7 +17,8 @@ from sim.types import Array, DepthPicture
 Message = Any
 """A message of ROS 2, its type, or a part of either: DDS makes the types at run time."""
 FIELDS: Message = get_typestore(Stores.ROS2_HUMBLE).fielddefs
-"""Names and types of the fields of each message; they are the same in all distributions here."""
+"""Names and types of the fields of each message; those of the messages used here are the same in
+all distributions of ROS 2."""
 PLAIN: dict[str, Message] = {
     "bool": bool,
     "float64": float64,

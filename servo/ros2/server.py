@@ -153,4 +153,6 @@ def _wrong(twist: Array, frame: str) -> str:
             f"a twist in the frame '{frame}' is refused: it has to be in the camera's optical "
             f"frame '{FRAME}' (header.frame_id)"
         )
-    return "" if np.isfinite(twist).all() else "a twist with a number that is not finite is refused"
+    if not np.isfinite(twist).all():
+        return "a twist with a number that is not finite is refused: send six finite numbers"
+    return ""

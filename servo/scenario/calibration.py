@@ -43,9 +43,9 @@ MODELS: dict[str, Model] = {
 ROS_NAMES = {own: name for name, own in reversed(MODELS.items())}
 """ROS's name of each distortion model."""
 LENSES: dict[str, Model] = {name.replace("_", ""): model for name, model in MODELS.items()}
-"""Distortion models by these names without underscores, as `_letters` returns them."""
+"""Distortion models by the names in `MODELS` without underscores, as `_letters` returns them."""
 MIDDLE = 0.5
-"""Coordinates of the first pixel's middle here [px]; they are zero in ROS and OpenCV."""
+"""Coordinates of the first pixel's middle in servobench [px]; they are zero in ROS and OpenCV."""
 OPENCV = ("%YAML", "<?xml")
 """Beginnings of the files that OpenCV writes."""
 KEYS = {
@@ -226,7 +226,7 @@ def _read(path: Path) -> Intrinsics:
     """Read a calibration file of ROS or OpenCV.
 
     Raises:
-        Mistake: The file is no calibration, or a key in it is wrong.
+        Mistake: The file cannot be read or is no calibration, or a key in it is wrong.
     """
     with as_mistake():
         text = reading.text(path, "calibration", LARGEST_FILE)
@@ -323,7 +323,7 @@ def _of_opencv(text: str, path: Path) -> list[tuple[str, object]]:
 
 def _value(node: cv2.FileNode) -> object:
     """Return the value of a node of OpenCV's FileStorage: a number, a text, a list, a table, or the
-    list of a matrix's numbers.
+    list of a matrix's numbers; None for an empty node.
     """
     if node.isInt():
         return int(node.real())
@@ -341,8 +341,8 @@ def _value(node: cv2.FileNode) -> object:
 
 
 def _model(document: Table, place: str, values: list[float]) -> Model:
-    """Return the distortion model that a calibration file names, or the one that the number of its
-    coefficients implies.
+    """Return the distortion model that a calibration file names; if it names none, "rational" for
+    coefficients that are not zero beyond the fifth, else "plumb_bob".
 
     Args:
         document: Keys and values of the file.
@@ -350,8 +350,8 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
         values: The distortion's coefficients.
 
     Raises:
-        Mistake: The file names an unknown lens, several different ones, or none although it has
-            coefficients of a distortion.
+        Mistake: The file names an unknown lens or several different ones, or has the distortion
+            model "none" with coefficients that are not zero.
     """
     named: dict[Model, str] = {}
     for key, value in leaves(document):

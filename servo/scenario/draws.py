@@ -100,13 +100,14 @@ def draws_of(table: object, place: str) -> tuple[Draw, ...]:
 
 def law_of(given: Table, at: str, counts: Mapping[str, int | None]) -> tuple[str, tuple[Any, ...]]:
     """Return the name and the parameters of the distribution that a table describes: "uniform" and
-    (0, 1) for { uniform = [0, 1] }.
+    (0, 1) for { uniform = [0, 1] }. A study's axis, such as { linspace = [0, 1, 5] }, is read in
+    the same way.
 
     Args:
         given: The table.
         at: Where the table comes from; it begins messages.
-        counts: Number of parameters by name, for each distribution that is allowed; None: any
-            number.
+        counts: Number of parameters by name, for each distribution or form of an axis that is
+            allowed; None: any number.
 
     Raises:
         Mistake: The table does not name exactly one distribution of `counts`, or its parameters are

@@ -50,8 +50,8 @@ def form(config: type[Any], *, described: bool) -> type[BaseModel]:
             the docstrings takes longer than loading a scenario.
 
     Raises:
-        UnknownKind: The annotation of a setting cannot be evaluated, or is no type that pydantic
-            knows.
+        UnknownKind: The annotation of a setting cannot be evaluated or is no type that pydantic
+            knows, or the class cannot be called without arguments.
     """
     try:
         return _form_of(config(), described)
@@ -162,8 +162,8 @@ def _changed(begin: Any, given: BaseModel, place: str) -> Any:
 
 def _nearest(errors: list[ErrorDetails]) -> ErrorDetails:
     """Return the error that helps the user most: one about an unknown key, else the first. For a
-    value that several types allow, it is the error of the type that matched the largest part of the
-    value.
+    setting that may have several types, it is the error of the type that matched the largest part
+    of the value.
     """
     errors = sorted(errors, key=lambda error: error["type"] != "extra_forbidden")
     first = errors[0]["loc"]

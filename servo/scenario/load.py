@@ -98,8 +98,10 @@ def load(
             line; of several changes of one setting the last one counts.
         seed: Replaces run.seed; None: it stays.
         **settings: More changes, such as gain=1.5, tracker="kams" or camera={"noise": 3.0}; also a
-            component of yours, such as tracker=MyTracker: a `Config` (instance or class), or a
-            tracker that `tracking.wrap` accepts. Its settings can be changed in the same call.
+            component of yours, such as tracker=MyTracker: a `Config` (instance or class), a tracker
+            that `tracking.wrap` accepts, or another object, class or function that needs no
+            `Config`, such as motion=MyMotion with a method `at`. Its settings can be changed in the
+            same call.
 
     Raises:
         Mistake: The file cannot be read, or a setting, a component or a bound is wrong; in one
@@ -132,7 +134,8 @@ def _changed(file: Table, changes: Sequence[Change]) -> Table:
     """Return a copy of a scenario's table, as read from its file, with changes.
 
     Raises:
-        Mistake: A value is not one of TOML, or a setting is inside a value that is not a table.
+        Mistake: A value is one that `toml.check` refuses, or the path of a setting is one that
+            `toml.put` refuses.
     """
     table = copied(file)
     for change in changes:
@@ -281,8 +284,8 @@ def _filled(key: str, table: Table, own: Mapping[str, object]) -> Any:
 
 
 def _drawn(draws: Sequence[Draw], table: Table, seed: int, own: Mapping[str, object]) -> Table:
-    """Check the extreme values of each distribution, and return the settings that are drawn for a
-    seed.
+    """Check the values `Draw.ends` of each distribution, and return the values of the settings that
+    are drawn for a seed, by setting.
 
     Args:
         draws: Settings and their distributions.
@@ -291,7 +294,8 @@ def _drawn(draws: Sequence[Draw], table: Table, seed: int, own: Mapping[str, obj
         own: Components that are given as objects of Python, by table.
 
     Raises:
-        WrongSetting: A setting is unknown, or an end of its distribution is out of range.
+        WrongSetting: A setting is unknown, or one of the checked values has a wrong type or is out
+            of range.
     """
     for draw in draws:
         at = f"vary.{draw.key}"

@@ -41,12 +41,12 @@ def read(name: str) -> tuple[Table, str]:
     file's name without folder, such as "still.toml".
 
     Args:
-        name: Name of a shipped scenario, or path of a TOML file. Names in its settings of files
-            that lie beside it become absolute paths; other names stay relative to the working
-            directory.
+        name: Name of a shipped scenario, or path of a TOML file. If a setting in this file names a
+            file in the same folder, the name becomes an absolute path; other names stay relative to
+            the working directory.
 
     Raises:
-        Mistake: There is no such file, it cannot be read, or it is not valid TOML.
+        Mistake: There is no such scenario or file, it cannot be read, or it is not valid TOML.
     """
     path = path_of(name)
     table = toml.decode(toml.read(path, "scenario"), path.name)

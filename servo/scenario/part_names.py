@@ -19,9 +19,9 @@ ONNX = "onnx:"
 NETWORKS = {1: "Vit", 2: "Nano", 3: "DaSiamRPN"}
 """OpenCV's trackers by the number of their network files."""
 DOORS = {"tracker": (PROGRAM, TRAX, ONNX), "controller": (PROGRAM, ONNX)}
-"""Beginnings that a part of a section may have, besides those of kinds and classes."""
+"""Prefixes that a text for a component may have, by section; other texts name a kind or a class."""
 FORMS = {PROGRAM: "'program:COMMAND'", TRAX: "'trax:COMMAND'", ONNX: "onnx:FILE"}
-"""What the beginnings stand before, for messages."""
+"""Forms of the texts with these prefixes, by prefix, for messages."""
 
 
 def named_part(section: str, text: str) -> tuple[str, str]:

@@ -27,8 +27,9 @@ FOLDER = "recordings"
 
 
 def read(config: RecordingConfig) -> Recorded:
-    """Return the recording that settings name, as it is on the disk now; it is cached until its
-    files change.
+    """Return the recording that settings name, as it is on the disk now. It is cached until the
+    time of change of its video file or folder, its truth or its calibration differs; a changed
+    picture in a folder is not noticed.
 
     Raises:
         Mistake: Pictures, truth or calibration cannot be read or do not fit each other, or the
@@ -53,8 +54,8 @@ def is_lens_assumed(config: RecordingConfig) -> bool:
     settings nor a calibration file give it.
 
     Raises:
-        Mistake: `pictures` names a camera or a stream, or neither a file, a folder nor a shipped
-            recording.
+        Mistake: `pictures` names a camera or a stream, or is a bare name that is neither a file, a
+            folder nor a shipped recording.
     """
     with as_mistake():
         return config.fov_deg is None and _calibration(config, _path(config.pictures)) is None
@@ -64,8 +65,8 @@ def _path(pictures: str) -> Path:
     """Return the path of a recording.
 
     Raises:
-        ValueError: `pictures` names a camera or a stream, or no recording of this bare name is
-            shipped.
+        ValueError: `pictures` names a camera or a stream, or is a bare name that is neither a file,
+            a folder nor a shipped recording.
     """
     if ADDRESS.match(pictures) or pictures.startswith(sequence.CAMERA):
         raise ValueError(
@@ -77,7 +78,8 @@ def _path(pictures: str) -> Path:
 
 def _calibration(config: RecordingConfig, path: Path) -> Path | None:
     """Return the calibration file of a recording's camera: the one that the settings name, else
-    camera.yaml in its folder, or the one beside a video with the video's name. None without one.
+    camera.yaml in its folder, or the one beside a video with the video's name. None without one, or
+    if the settings give the field of view instead.
     """
     if config.calibration:
         return Path(config.calibration)
@@ -88,6 +90,9 @@ def _calibration(config: RecordingConfig, path: Path) -> Path | None:
 def _truth_beside(path: Path) -> Path | None:
     """Return the truth file in a recording's folder or beside a video, if it has a usual name;
     else None.
+
+    Raises:
+        ValueError: The folder has several truth files, or cannot be read.
     """
     if path.is_dir():
         return sequence.truth_of(str(path))

@@ -28,7 +28,7 @@ SECTION = "recording"
 FOV = 60.0
 """Horizontal field of view of a recording camera that nothing states [deg]."""
 LEAST = 640, 480
-"""The recording is taken to have at least so many columns and rows of pixels of the view."""
+"""Width and height [px] that a recording's pictures have at least after scaling: see `scale_of`."""
 MARGIN = 0.98
 """Share of the ranges of pan and tilt in which the run starts."""
 SLACK = 1e-6
@@ -81,8 +81,8 @@ class RecordingConfig:
 
     def remarks(self) -> list[str]:
         """Return sentences for the user: one if the recording's field of view is taken to be 60
-        degrees because nothing gives it, and one if its pictures are enlarged. The list is empty if
-        neither holds, or without a recording.
+        degrees because nothing gives it, and one that its pictures are enlarged if they are less
+        than 640 px wide or 480 px high. The list is empty if neither holds, or without a recording.
 
         Raises:
             Mistake: The recording cannot be read.
@@ -156,7 +156,7 @@ def with_recording(table: Table, place: str) -> Table:
     world and start that the user left out: the recording's rate, duration and focal length, a
     pan-tilt head as the robot, whose ranges end where the picture would leave the recording,
     world.visibility = true (each frame says whether the recording shows the target), and a start at
-    which the camera looks at the target.
+    which the camera looks at the target. camera.renderer = "recording" is set in any case.
 
     Args:
         table: The scenario's table, which is not changed; it is returned as it is if it names no
@@ -243,10 +243,11 @@ def scale_of(camera: Camera) -> float:
 
 
 def _duration(recorded: Recorded, table: Table, place: str) -> float:
-    """Return the duration of a run [s]: the user's, or that of the recording.
+    """Return the duration of a run [s]: the user's, or that of the recording, but at most
+    `LONGEST`.
 
     Raises:
-        Mistake: The recording is shorter.
+        Mistake: The recording is shorter than the user's duration.
     """
     times = recorded.times
     most = float(times[-1] + np.median(np.diff(times))) if len(times) > 1 else 1 / RATE
@@ -262,8 +263,9 @@ def _duration(recorded: Recorded, table: Table, place: str) -> float:
 
 
 def _start(recorded: Recorded, view: Camera, room: tuple[Range, Range]) -> Table:
-    """Return the start [px] at which the camera looks at the target in the first picture, as nearly
-    as the recording allows: the target's distance from the middle of the view.
+    """Return x and y [px] of the table [start], the target's distances to the right of and below
+    the middle of the view. With them the camera looks at the target in the first picture, as nearly
+    as the recording allows.
     """
     x, y = recorded.camera.normalise(recorded.corners[0]).mean(axis=0)
     wanted = degrees(atan2(x, 1)), degrees(-atan2(y, hypot(x, 1)))

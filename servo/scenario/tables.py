@@ -63,7 +63,7 @@ def config_of(section: str, kind: str | None = None) -> type[Any] | None:
     Args:
         section: Name of the table, or of a list of tables such as "disturbances".
         kind: Kind of the component that the table describes, which tables such as "run" do not
-            have; None: the default kind.
+            have; None: the default kind, and for lists, which have no default, the result is None.
     """
     if section in SECTIONS:
         return SECTIONS[section]

@@ -275,8 +275,8 @@ def _value(text: str) -> object:
 
 def plain(value: object) -> object:
     """Convert a value of Python or NumPy to the types of TOML: arrays and tuples become lists,
-    paths become texts, also inside dictionaries and lists. A value of another type is returned
-    unchanged.
+    numbers of NumPy those of Python, and paths texts, also inside dictionaries and lists. A value
+    of another type is returned unchanged.
 
     Texts become `Trusted`: the user wrote them on the command line or in Python, so they may name
     modules to import and programs to start, which texts of a file may not.

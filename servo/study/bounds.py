@@ -22,7 +22,8 @@ UNDECIDED = "No verdict: some drawn seeds may end otherwise (expect.drawn.succes
 @dataclass(frozen=True, slots=True)
 class MissedBound:
     """A bound that a run did not keep: the measure's name (or "outcome"), the run's value (None if
-    it is not finite) and the bound, in the measure's unit. `str` returns a sentence.
+    it is not finite), the upper bound in the measure's unit (or the expected outcome), and whether
+    it comes from [expect.drawn] (`drawn`). `str` returns a sentence.
     """
 
     name: str
@@ -31,7 +32,7 @@ class MissedBound:
     """The run's value; None if it is not finite."""
     bound: float | str
     drawn: bool = False
-    """Whether the bound is in [expect.drawn]."""
+    """Whether the bound comes from [expect.drawn]; False if [expect] has the same value."""
 
     def __str__(self) -> str:
         found = "not finite" if self.found is None else self.found
@@ -81,9 +82,9 @@ def missed_bounds(
 
 
 def missed_lines(missed: Sequence[MissedBound], measures: Mapping[str, float | None]) -> list[str]:
-    """Return a sentence for each missed bound; if the run ended before the time from which on
-    errors count (measure.after), one sentence names all measures that have no value for this
-    reason.
+    """Return a sentence for each missed bound. If no measure that counts from measure.after on has
+    a value, because the run ended before that time, the last sentence names the measures of all
+    missed bounds without a finite value, and these get no sentence of their own.
 
     Args:
         missed: The bounds that the run did not keep.
@@ -103,9 +104,9 @@ def missed_lines(missed: Sequence[MissedBound], measures: Mapping[str, float | N
 
 @dataclass(frozen=True, slots=True)
 class DrawnShare:
-    """How many (`ended`) of a scenario's `seeds` runs with drawn settings ended with the expected
-    outcome, and the least share of them that should (`success_rate`, 0 to 1). `str` returns a
-    sentence.
+    """The number of a scenario's runs with drawn settings (`seeds`), the number of those that ended
+    with the expected outcome (`ended`), and the least share that should (`success_rate`, 0 to 1).
+    `str` returns a sentence.
     """
 
     scenario: str
@@ -113,7 +114,7 @@ class DrawnShare:
     ended: int
     """Number of runs that ended with the expected outcome."""
     seeds: int
-    """Number of runs."""
+    """Number of runs with drawn settings, one for each seed."""
     success_rate: float
     """Least share of runs that should end so, from 0 to 1."""
 
@@ -153,8 +154,9 @@ class DrawnShare:
 
 
 def doubts_of(scenario: Scenario) -> list[str]:
-    """Return a sentence for each bound of a scenario that no run can keep, or that every run keeps;
-    the bounds for its own tracker and for all others are checked.
+    """Return a sentence for each doubtful bound of a scenario: one that no run can keep, or that
+    every run keeps (settle_s: every run that settles). The bounds for the scenario's own tracker
+    and for all others are checked.
     """
     others = scenario.bounds.others.items()
     tables = {"expect": scenario.bounds.expect} | {f"expect.tracker.{k}": b for k, b in others}
@@ -167,7 +169,7 @@ def doubts_of(scenario: Scenario) -> list[str]:
 
 def doubtful_bounds(bounds: Mapping[str, object], setup: Setup, place: str = "expect") -> list[str]:
     """Return a sentence for each bound that no run can keep, such as -1 px, or that every run
-    keeps, such as 200 deg.
+    keeps, such as 200 deg (for settle_s: every run that settles).
 
     Args:
         bounds: Upper bounds by measure, in the measure's unit; other keys, such as "outcome", are
@@ -184,8 +186,8 @@ def doubtful_bounds(bounds: Mapping[str, object], setup: Setup, place: str = "ex
 
 
 def _doubt(name: str, bound: float, setup: Setup) -> str:
-    """Return why no run can keep an upper bound, or why every run keeps it; "" if some runs may
-    keep it.
+    """Return why no run can keep an upper bound, or why every run (for settle_s: every run that
+    settles) keeps it; "" if neither is known.
 
     Args:
         name: The measure.

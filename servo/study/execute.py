@@ -23,9 +23,10 @@ TRYING = 15.0
 
 
 class Workers(ExitStack):
-    """Context manager of the worker processes that do tasks: `count` processes on this machine
-    (with 1, tasks are done in this process) or, if it is given, those of the Dask cluster whose
-    `scheduler` has this address. They start with the first task and end with the block.
+    """Context manager of the worker processes that do tasks: `count` processes on this machine,
+    which start with the first task and end with the block (with a count of 1, this process does
+    the tasks); or, if the address of a `scheduler` is given, the workers of that running Dask
+    cluster, to which this process is connected from the first task to the end of the block.
     """
 
     def __init__(self, count: int = 1, scheduler: str | None = None) -> None:
@@ -36,7 +37,9 @@ class Workers(ExitStack):
             scheduler: Address of the scheduler of a running Dask cluster, which is used instead.
 
         Raises:
-            Mistake: The machine cannot run so many processes, or the address is wrong.
+            Mistake: The machine cannot run so many processes, the address is wrong, or Dask's
+                configuration files or TLS settings cannot be used.
+            Refused: The system does not allow as many open files as the processes need.
         """
         super().__init__()
         self.count = count
@@ -54,15 +57,15 @@ class Workers(ExitStack):
         self, tasks: Iterable[Task], work: Callable[[Task], Done]
     ) -> Iterator[tuple[Task, Done | Failure]]:
         """Do tasks; yield each with its result, or with the failure if it raised an exception, in
-        the order in which they end. One worker does them in this process, one after the other;
-        several do them in parallel.
+        the order in which they end. With a count of 1 and without a scheduler they are done in
+        this process, one after the other; otherwise in worker processes, in parallel.
 
         Args:
             tasks: Arguments of `work`, in the order in which they begin.
-            work: Function of one task; several workers get it and the tasks by pickle.
+            work: Function of one task; for worker processes, function and tasks are pickled.
 
         Raises:
-            ClusterLost: The cluster has stopped working.
+            ClusterLost: The cluster has stopped working, or one of its workers has several threads.
             Mistake: No Dask scheduler with workers answers at the given address.
             Refused: The processes cannot be started.
         """
@@ -97,7 +100,8 @@ def execute(
             directory.
 
     Raises:
-        ClusterLost: The Dask cluster has stopped working.
+        ClusterLost: The Dask cluster has stopped working, or one of its workers has several
+            threads.
         Mistake: No Dask scheduler with workers answers at the address of `workers`.
         Refused: The processes cannot be started.
     """
@@ -105,7 +109,9 @@ def execute(
 
 
 def _run(job: Job, folder: Path) -> Record:
-    """Run a job and return its memory to the system; the job may write files into the folder."""
+    """Run a job, give the memory that it used back to the system, and return its record; the job
+    may write files into the folder.
+    """
     record = job.run(folder)
     with suppress(AttributeError, OSError):  # of a C library without malloc_trim
         ctypes.CDLL(None).malloc_trim(0)  # glibc would keep about 1 MB a run
@@ -142,8 +148,8 @@ def tried(jobs: Sequence[Job]) -> tuple[float, list[tuple[Job, Failure]]]:
 def complete(
     jobs: Iterable[Job], store: Store, workers: Workers
 ) -> Iterator[tuple[Job, Record | Failure]]:
-    """Run the jobs that have no record yet in a study's folder, and store each record or failure
-    there.
+    """Run the jobs that have no record yet in a study's folder, and store there each record, and
+    the failures up to the number that `Store.fail` keeps.
 
     Args:
         jobs: The jobs; those whose key is in `store.done` are skipped.
@@ -154,10 +160,12 @@ def complete(
         Each job that was run, when it ends, with its record or its failure.
 
     Raises:
-        ClusterLost: The Dask cluster has stopped working.
-        Mistake: A worker has other versions of packages, the database is damaged, or no Dask
-            scheduler with workers answers at the address.
-        Refused: The disk is full, the memory was full in a job, or the processes cannot be started.
+        ClusterLost: The Dask cluster has stopped working, or one of its workers has several
+            threads.
+        Mistake: A worker has other versions of packages or other source code, the database is
+            damaged, or no Dask scheduler with workers answers at the address.
+        Refused: The disk is full, a file cannot be written, the machine had no room left in a job
+            (`Failure.full`), or the processes cannot be started.
     """
     missing = (job for job in jobs if job.key not in store.done)
     for job, end in execute(missing, workers, store.folder):

@@ -50,7 +50,7 @@ class StudyTable(BaseModel):
 
     model_config = STRICT
     scenario: str | Annotated[list[str], MinLen(1)]
-    """A scenario, several, or "*" for all that are shipped."""
+    """Name or path of a scenario, a list of several, or "*" for all that are shipped."""
     set: Table = {}
     """Settings of all runs."""
     named: dict[str, Annotated[dict[str, Table], MinLen(1)]] = {}
@@ -62,9 +62,10 @@ class StudyTable(BaseModel):
     ) = SEEDS
     """Number of seeds, counted from 0, or a list of seeds."""
     compare: str | None = None
-    """The axis whose values are compared."""
+    """The axis whose values are compared; None: tracker.kind, if this is an axis."""
     expect: dict[str, float] = {}
-    """Bounds on the means of measures for each combination of axis values."""
+    """Upper bounds on the means of measures, and the least success_rate, which hold for each
+    combination of axis values."""
 
 
 def load(
@@ -81,7 +82,7 @@ def load(
         changes: Settings of all runs, such as "run.duration=5", as for --set.
         seeds: Number of seeds, counted from 0, in place of those in the file; None: the file's.
         trackers: Settings of trackers by label (see `tracker_tables`), which become the only axis
-            in place of all axes of the file; None: the file's axes.
+            in place of all axes and drawn settings of the file; None: the file's.
 
     Raises:
         Mistake: The file, a setting in it or a change is wrong, or there are too many runs.
@@ -106,7 +107,8 @@ def load(
 
 def parsed(table: Table, changes: Sequence[str], path: Path, place: str, title: str) -> Study:
     """Check the table of a study, whose keys are those of `StudyTable`, and return the study. The
-    settings of its runs are checked too: each value of each axis, and the first 2000 combinations.
+    settings of its runs are checked too: each value of each axis (in at most 10,000 runs), and the
+    first 2000 combinations.
 
     Args:
         table: The table, as read from TOML.
@@ -164,7 +166,8 @@ def _changed(file: StudyTable, named: Named, changes: Sequence[str], place: str)
         place: The study's file, which begins messages.
 
     Raises:
-        Mistake: A setting is also varied by an axis, or cannot be set for all runs.
+        Mistake: A change is not "key=value", or a setting is also varied by an axis, cannot be set
+            for all runs, or is in a table that is set as a whole.
     """
     changed = flat(file.set, f"{place}: set")
     places = {key: f"set.{key}" for key in changed}
@@ -217,7 +220,8 @@ def _compared(study: Study, asked: str | None, place: str) -> Study:
 
 def _check(study: Study, place: str) -> None:
     """Check the settings of the first runs of a study, so that a mistake is found before hours of
-    running: each value of each axis, and the first `MOST_CHECKED` combinations.
+    running: each value of each axis (in at most `MOST_VALUES` runs), and the first `MOST_CHECKED`
+    combinations.
 
     Raises:
         Mistake: A setting is wrong; the message begins with `place` and the run's axis values.
@@ -260,7 +264,7 @@ def _bases(given: str | list[str], path: Path, place: str) -> tuple[StudiedScena
         place: The study's file as messages name it.
 
     Raises:
-        Mistake: There is no such scenario, or one is listed twice.
+        Mistake: There is no such scenario, its file cannot be read, or one is listed twice.
     """
     names = shipped() if given == ALL else [given] if isinstance(given, str) else given
     bases: dict[Path, StudiedScenario] = {}

@@ -1,7 +1,7 @@
 """A study as a value: its scenarios, axes, drawn settings and seeds, and the list of its runs.
 
-An axis is a setting with a list of values, all of which are run; a drawn setting gets a random
-value for each seed.
+An axis is a setting with a list of values, all of which are run, or a list of named groups of
+settings; a drawn setting gets a random value for each seed.
 """
 
 import itertools
@@ -25,30 +25,32 @@ SPANS = {"linspace": np.linspace, "geomspace": np.geomspace}
 COUNTS = {**dict.fromkeys(SPANS, 3), **LAWS}
 """Number of values in each form of an axis or a distribution; None: any number."""
 ENDS = frozenset(COUNTS)
-"""Keys of tables that are values of an axis, and not tables of settings."""
+"""Keys that mark a table in [axes] as the values or the distribution of one setting; other tables
+contain settings."""
 ELSEWHERE = {
     SCENARIO: "list these under `scenario` instead",
     "run.seed": "list these under `seeds` instead, or count them with --seeds",
     "run": "name one of its settings, such as run.latency",
     "expect": "bounds change nothing in a run; those of the study are under `expect`",
-    "sweep": "a study changes the settings of runs only",
+    "sweep": "a study changes the settings of runs only; leave this out",
 }
 """Keys that cannot be axes, and what the user should write instead."""
 ALL = "*"
-"""Value of an axis of kinds: all kinds that there are."""
+"""Stands for all shipped scenarios, or, on an axis such as "tracker.kind", for all kinds that
+`axes_of` allows."""
 MOST_VALUES = 10_000
 """Most values of an axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """One axis of a study: the name of a setting, such as "tracker.kind", and the values with which
-    the study runs it. It may also be the name of a table in [named], with the names of its groups
-    of settings as values.
+    """One axis of a study: the name of a setting, such as "tracker.kind", and its values, all of
+    which the study runs. Instead, the name may be that of a table in [named], with the names of its
+    groups of settings as values, or "scenario", with the names of scenarios as values.
     """
 
     key: str
-    """Name of the setting, or of the axis in [named]."""
+    """Name of the setting, or of the axis in [named], or "scenario"."""
     values: tuple[Value, ...]
 
 
@@ -73,9 +75,10 @@ class Study:
     """Settings that are drawn for each seed."""
     seeds: tuple[int, ...]
     compare: str | None
-    """The axis whose values are compared with each other."""
+    """The axis whose values are compared with each other; None: none."""
     expect: dict[str, float]
-    """Bounds on the means of measures for each combination of axis values."""
+    """Upper bounds on the means of measures, and the least success_rate, which hold for each
+    combination of axis values."""
     files: dict[str, str]
     """Digests of the files that the settings name, by path."""
 
@@ -153,9 +156,9 @@ def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...
 
     A list of values, `{ linspace = [first, last, count] }`, `{ geomspace = [first, last, count] }`
     or "*" makes an axis; a distribution such as `{ uniform = [a, b] }` makes a drawn setting. "*"
-    is allowed for keys that end in ".kind", and means all kinds; for "tracker.kind" it means those
-    that can follow any target by pictures and the camera's motion alone, and need no program or
-    model file of the user.
+    is allowed for the kind of a component, such as "robot.kind" (but not for "disturbances" and
+    "ground.kind"), and means all kinds; for "tracker.kind" it means those that can follow any
+    target by pictures and the camera's motion alone, and need no program or model file of the user.
 
     Args:
         table: The table [axes], as read from TOML.
@@ -192,7 +195,9 @@ def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...
 
 
 def _has_equal(values: list[Any]) -> bool:
-    """Return whether two of the values are equal; for Python True is 1, which is another value."""
+    """Return whether two of the values are equal. True and 1, which are equal in Python, count as
+    different, but not inside lists and tables.
+    """
     typed = [(isinstance(value, bool), value) for value in values]
     whole = [pair for pair in typed if not isinstance(pair[1], list | dict)]
     made = [pair for pair in typed if isinstance(pair[1], list | dict)]  # they have no hash
@@ -208,8 +213,8 @@ def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:
         place: The study's file, which begins messages.
 
     Raises:
-        Mistake: An axis has the name of a section or a setting, or a group has a setting that a
-            study cannot vary.
+        Mistake: An axis has the name of a section of scenarios, "scenario" or "seed", or a group
+            has a setting twice, or one that a study cannot vary.
     """
     found: Named = {}
     for axis, groups in table.items():

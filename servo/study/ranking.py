@@ -46,10 +46,10 @@ UNIT = "sequence"
 
 @dataclass(frozen=True, slots=True)
 class Rank:
-    """The results of one tracker over all of its runs: its mean measures by name, its mean area
-    under the success curve by name of the sequence (`families`; None without a value), and
-    McNemar's test of it against the best tracker (None for the best), with the p value after Holm's
-    correction.
+    """The results of one tracker over all of its runs: its mean measures by name; its mean area
+    under the success curve by recording, or by kind of painted sequence (`families`; None without
+    a value); and McNemar's test of it against the best tracker (None for the best), with the p
+    value after Holm's correction.
     """
 
     tracker: str
@@ -59,12 +59,13 @@ class Rank:
     means: dict[str, Interval]
     """Means over sequences by measure; measures without a value are left out."""
     families: dict[str, float | None]
-    """Mean area under the success curve by name of the sequence; None if it has no value."""
+    """Mean area under the success curve by name of the recording, or of the kind of painted
+    sequence, such as "clutter-a"; None if it has no value."""
     against_best: McNemar | None
     """McNemar's test of this tracker against the best one; None for the best."""
     p: float
     """The test's p value, corrected for the number of pairs of trackers (Holm): the best one is
-    found in the same runs, so that every pair is compared."""
+    found in the same runs, so that every pair is compared. It is 1 for the best."""
 
     @property
     def units(self) -> int:
@@ -76,7 +77,7 @@ class Rank:
 
 def ranked(records: Sequence[Record]) -> list[Rank]:
     """Return the results of each tracker, ordered by the mean area under the success curve over
-    sequences, the best first.
+    sequences, the best first; trackers without a value are last.
 
     Args:
         records: Records of runs of trackers on sequences, each with the tracker's label in its
@@ -124,9 +125,10 @@ def values(records: Sequence[Record], measure: str) -> Array:
 
 
 def table_csv(ranks: Sequence[Rank]) -> str:
-    """Return a CSV text with a line for each tracker, in the order of `ranks`: number of runs, mean
-    of each measure over sequences with the ends of its 95 % interval, and z and corrected p value
-    of McNemar's test against the best tracker.
+    """Return a CSV text with a line for each tracker, in the order of `ranks`: label, number of
+    runs, kind of the independent unit ("sequence"), mean of each measure over sequences with the
+    ends of its 95 % interval and the number of sequences, and z and corrected p value of McNemar's
+    test against the best tracker, whose own line has no z and p = 1.
     """
     names = [m.name for m in MEASURES]
     head = [TRACKER, "runs", "unit", *titles(names), "z_against_best", "p_holm"]
@@ -160,7 +162,9 @@ def _mean(records: Sequence[Record]) -> float:
 
 
 def _means(records: Sequence[Record]) -> dict[str, Interval]:
-    """Return the mean of each measure over sequences, by name of the measure."""
+    """Return the mean of each measure over sequences, by name of the measure; measures without a
+    value are left out.
+    """
     found = {m.name: (values(records, m.name), m.most) for m in MEASURES}
     return {
         name: mean_of(scores, least=0.0, most=most)
@@ -170,7 +174,9 @@ def _means(records: Sequence[Record]) -> dict[str, Interval]:
 
 
 def _families(records: Sequence[Record]) -> dict[str, float | None]:
-    """Return the mean area under the success curve by name of the sequence; None without value."""
+    """Return the mean area under the success curve by name of the recording, or of the kind of
+    painted sequence; None without a value.
+    """
     names = dict.fromkeys(r.settings["family"] for r in records)
     means = {name: _mean([r for r in records if r.settings["family"] == name]) for name in names}
     return {name: mean if np.isfinite(mean) else None for name, mean in means.items()}

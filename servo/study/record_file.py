@@ -64,8 +64,8 @@ def series_table(records: Sequence[Record]) -> pa.Table:
 
 def table_of(batches: Iterable[Sequence[Record]]) -> pa.Table:
     """Return the Arrow table of a study's results, with a row for each run: number, scenario or
-    sequence, seed, settings, outcome, measures and versions. A setting whose values have several
-    types becomes a column of texts.
+    sequence, seed, settings, whether the run repeats, outcome, success, missed bounds, measures and
+    versions. A setting becomes a column of texts unless its values are all flags or all numbers.
 
     Args:
         batches: Records in the order of the study, at least one, in lists: the conversion of all
@@ -157,7 +157,9 @@ def parquet(table: pa.Table, **options: Any) -> bytes:
 
 
 def _type(values: Iterable[object]) -> pa.DataType:
-    """Return the type of a column: bool, int, float, or text for mixed types."""
+    """Return the Arrow type of a column: bool, int, float (also if some values are int), or text
+    for other and for mixed types.
+    """
     kinds = {type(v) for v in values}
     if kinds == {bool}:
         return pa.bool_()

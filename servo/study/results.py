@@ -38,7 +38,7 @@ MOST_MOVED = 5
 LEAST_MOVED = 0.05
 """Least difference between cells that a table shows, as a share of the largest mean."""
 ALIKE = 0.98
-"""Least correlation over the cells at which a table shows only one of two measures."""
+"""Absolute correlation over the cells above which a table shows only one of two measures."""
 COMPARED = ("first", "second", "unit", "wins", "losses", "ties", "z", "p", "p_holm")
 _Held = dict[Any, dict[tuple[object, ...], bool]]
 """Success of runs by unit, and by scenario, other axes' values and seed."""
@@ -82,8 +82,9 @@ class Units:
         """Return the mean of a measure over the units (independent observations), with its 95 %
         interval; None if no run has a finite value.
 
-        The value of a unit is the mean over its runs. Values are in the measure's unit; `name` may
-        also be "success", whose mean is the success rate from 0 to 1.
+        The value of a unit is the mean over its runs with a finite value; units without such a run
+        are left out. Values are in the measure's unit; `name` may also be "success", whose mean is
+        the success rate from 0 to 1.
         """
         scores = [found.mean() for rows in self.rows.values() if len(found := values(rows, name))]
         if not scores:
@@ -131,11 +132,12 @@ class Cell:
     unit: str
     """Kind of the units over which intervals are taken (`Units.name`)."""
     success: Interval | None
-    """Share of runs that succeed, from 0 to 1."""
+    """Share of successful runs in each unit, from 0 to 1, averaged over the units."""
     means: dict[str, Interval]
-    """Means of the measures over the runs in which they are finite; others are left out."""
+    """Means of the measures over the units (see `Units.mean`); measures without a finite value are
+    left out."""
     finite: dict[str, int]
-    """Number of those runs by measure."""
+    """Number of runs in which the measure is finite, by measure."""
 
     @staticmethod
     def of(settings: Table, rows: Sequence[Row], *, drawn: bool) -> "Cell":
@@ -157,9 +159,9 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """McNemar's test of two values of an axis, such as two trackers, over pairs of runs that differ
-    in nothing else, with its p value after Holm's correction. `unit` is the kind of independent
-    observation that is counted, such as "seed".
+    """McNemar's test of the success of two values of an axis, such as two trackers, over pairs of
+    runs that differ in nothing else, with its p value after Holm's correction. `unit` is the kind
+    of independent observation that is counted, such as "seed".
     """
 
     first: object
@@ -209,13 +211,14 @@ def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
 
 def moved(cells: Sequence[Cell]) -> list[str]:
     """Return the names of up to five measures whose means differ most between combinations of axis
-    values (`cells`). If none differs, return "servo_rms_px", "servo_peak_px", "tracking_rms_px" and
-    "track_ms".
+    values (`cells`), in the order of `MEASURED`. If none differs, return "servo_rms_px",
+    "servo_peak_px", "tracking_rms_px" and "track_ms".
 
-    The difference of a measure is the range of its means, as a share of the largest mean; at most 5
-    % do not count. The order is by this share relative to the width of the means' 95 % intervals.
-    Of measures with a correlation above 0.98, such as rms and peak of one error, only the first is
-    returned. The names are in the order of `MEASURED`.
+    The difference of a measure is the range of its means, as a share of the largest one; a share of
+    at most 5 % counts as none. The five measures are those with the largest share relative to the
+    width of the means' 95 % intervals. Of measures whose correlation is above 0.98 or below -0.98,
+    such as rms and peak of one error, only the first is chosen. "step_ms", and a measure without a
+    mean in one of the cells, are never chosen.
     """
     scores: dict[str, float] = {}
     values: dict[str, Array] = {}
@@ -243,7 +246,8 @@ def comparisons(
     key: str | None, axes: Sequence[str], rows: Sequence[Row], *, drawn: bool = False
 ) -> list[Compared]:
     """Compare every pair of values of an axis by McNemar's test on success, with Holm's correction
-    for the number of pairs; the first value of a pair has the higher success rate.
+    for the number of pairs; the success rate of the first value of a pair is at least that of the
+    second.
 
     A value wins in a unit (independent observation, such as a seed) if it has the higher success
     rate there, over the runs that both values have: those of the same scenario, seed and values of

@@ -46,7 +46,8 @@ class Subject(Protocol):
         ...
 
     def perform(self, job: "Job", folder: Path) -> "Record":
-        """Run a job and return its record (the results); `Job.run` calls it in a worker process.
+        """Run a job and return its record (the results); `Job.run` calls it, in a worker process if
+        there are several workers.
 
         Args:
             job: The job, whose `subject` is this object; it has the seed, and the values of the
@@ -59,7 +60,7 @@ class Subject(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One run that a study still has to make: what is run (`subject`), its seed, and its values of
+    """One run of a study, as it is planned: what is run (`subject`), its seed, and its values of
     the settings that the study varies or draws at random, by name (`settings`). `number` is its
     place in the study, from 0; if `pictured`, the record gets an image with pictures of the run.
     Jobs are sent to worker processes.
@@ -104,7 +105,8 @@ class Job:
         estimates, go into `folder`, the study's folder.
 
         Raises:
-            Mistake: A setting of a scenario is not valid, or one of its components failed.
+            Mistake: A setting of a scenario is not valid, one of its components failed, a package
+                that it needs is missing, or a file that the study names is missing or has changed.
             ValueError: A sequence of pictures cannot be read, or the tracker refuses the target's
                 region in the first picture.
             OSError: A file cannot be written.
@@ -128,17 +130,22 @@ class Record:
     """SCENARIO or SEQUENCE."""
     seed: int
     settings: dict[str, Any] = field(default_factory=dict[str, Any])
-    """Values of the study's axes and drawn settings in this run, by name."""
+    """Values of the study's axes and drawn settings in this run, by name. For a run on a sequence
+    also "family" (name of the recording, or of the kind of painted sequence), "drawn" (whether it
+    is painted) and "frames" (number of pictures that were tracked)."""
     command: str = ""
     """Command line that repeats this run alone."""
     outcome: str
-    """Name of the outcome."""
+    """Name of the run's `Outcome`; for a run on a sequence COMPLETED or LOST."""
     limits: tuple[str, ...] = ()
-    """Names of the joints at their limits, if the outcome is LIMIT_HIT."""
+    """The limits of joints, such as "elbow (range)", that were hit. With the outcome LIMIT_HIT: all
+    in the last second. With CONVERGED: none. With another outcome: only ends of ranges, in the last
+    second in which the target was not lost."""
     off: tuple[str, ...] = ()
-    """Errors that were too large at the end, such as "angle 27 deg", if it is TIMED_OUT."""
+    """Errors that were too large at the end, such as "angle 27 deg"; none unless the outcome is
+    TIMED_OUT."""
     success: bool
-    """Whether it ended as expected."""
+    """Whether the run ended as expected."""
     measures: dict[str, float]
     """Measures by name; nan or infinite without a value."""
     missed: tuple[MissedBound, ...] = ()
@@ -204,27 +211,33 @@ def version_columns(found: Mapping[str, str]) -> dict[str, str]:
 
 
 class ClusterLost(RuntimeError):
-    """Error: a Dask cluster has stopped working; the message names the cluster and the reason."""
+    """Error: a Dask cluster has stopped working, or one of its workers has several threads; the
+    message says which.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class Failure:
     """The error that ended a job without a record: its traceback (`error`); a sentence (`mistake`)
-    if it is a mistake of the user, or a full disk or memory, else ""; and whether disk or memory is
-    full, so that all other jobs would fail too (`full`).
+    if it is a mistake of the user, or if the machine has no room left, else ""; and whether the
+    machine has no room left (disk, memory, processes or open files), so that all other jobs would
+    fail too (`full`).
     """
 
     error: str
-    """The traceback."""
+    """The traceback; if the job's workers died, a sentence that says so."""
     mistake: str = ""
-    """A sentence, if the error is a mistake of the user, or a full disk or memory."""
+    """A sentence, if the error is a mistake of the user, or if the machine has no room left; else
+    ""."""
     full: bool = False
-    """Whether disk or memory is full, so that all other jobs would fail too."""
+    """Whether the machine has no room left (disk, memory, processes or open files), so that all
+    other jobs would fail too."""
 
     @staticmethod
     def of(error: BaseException) -> "Failure":
         """Return the failure of a job that raised an exception, with the exception's traceback, and
-        with a sentence if it is a mistake of the user, or a full disk or memory.
+        with a sentence if it is a mistake of the user, or if the machine has no room left (disk,
+        memory, processes or open files).
         """
         trace = "".join(traceback.format_exception(error))
         if isinstance(error, OSError) and error.errno in FULL:
@@ -241,8 +254,8 @@ class Failure:
 
     @property
     def reason(self) -> str:
-        """Return the sentence for the user, or, if there is none, the last line of the
-        traceback.
+        """Return the sentence for the user (`mistake`), or, if there is none, the last line of
+        `error`.
         """
         return self.mistake or self.error.strip().splitlines()[-1]
 

@@ -34,7 +34,7 @@ class RunReport(Made):
     units: dict[str, str]
     """Units of the measures by name."""
     expect: dict[str, Number | str]
-    """The scenario's bounds for its tracker."""
+    """The scenario's bounds for its tracker and seed; empty if the run has no verdict."""
     missed: list[MissedBound]
     """The bounds that were not kept."""
     features: dict[str, str]
@@ -46,9 +46,11 @@ class RunReport(Made):
     table: Table
     """The scenario's TOML table, including changes."""
     limits: list[str] = field(default_factory=list[str])
-    """Names of the joints at their limits, if the outcome is LIMIT_HIT."""
+    """The limits of joints, such as "elbow (range)", that were hit in the last second, or in the
+    last second in which the target was not lost (see `Record.limits`)."""
     off: list[str] = field(default_factory=list[str])
-    """Errors that were too large at the end, such as "angle 27 deg", if it is TIMED_OUT."""
+    """Errors that were too large at the end, such as "angle 27 deg"; none unless the outcome is
+    TIMED_OUT."""
     repeats: bool = True
     """Whether the same command gives the same numbers."""
     rates: dict[str, Number] = field(default_factory=dict)
@@ -56,9 +58,11 @@ class RunReport(Made):
     outline_centre: list[Number] = field(default_factory=list[Number])
     """Centre of the target's reference rectangle in the target's frame: x, y, z [m]."""
     unjudged: str = ""
-    """Why the run has no verdict: the bounds are for another tracker, or for many seeds."""
+    """Why the run has no verdict although the scenario has bounds: they are for another tracker, or
+    for many seeds; else ""."""
     uncertain: str = ""
-    """A sentence about estimates that were too uncertain to be used for servoing."""
+    """A sentence about estimates that were too uncertain to be used for servoing; "" if there were
+    none."""
 
     @staticmethod
     def of(record: Record, scenario: Scenario, scene: Scene, uncertain: str = "") -> "RunReport":

@@ -34,12 +34,13 @@ from tracking.sequences.sources import Picture
 Named = dict[str, dict[str, Table]]
 """Groups of settings by the name of their axis and their own name: the study's table [named]."""
 TILES = 8
-"""Pictures of a contact sheet."""
+"""Largest number of pictures in a contact sheet."""
 JPEG_QUALITY = 80
 CAMERA = tuple(f"camera_{axis}_m" for axis in "xyz")
-"""Series of the camera's position in the target's frame [m]: x ahead, y to the right, z down."""
+"""Names of the series of the camera's position in the frame of the target's reference rectangle
+[m]: x ahead, y to the right, z down."""
 CORNERS = tuple(f"corner{i}_{axis}_px" for i in range(4) for axis in "uv")
-"""Series of the true image corners of the target's reference rectangle [px]."""
+"""Names of the series of the true image corners of the target's reference rectangle [px]."""
 TRACK = 1
 """Index of the tracker's time among the times of a step."""
 TRACK_MS = "track_ms"
@@ -75,6 +76,9 @@ class LoadedScenario:
         """Run the scenario with its own settings and seed, and return the record (the results),
         which has the number, seed, settings and command of the job. No file is written into
         `folder`.
+
+        Raises:
+            Mistake: A component fails.
         """
         return _performed(job, self.scenario, {})
 
@@ -110,7 +114,8 @@ class StudiedScenario:
         return found | {"named": self.named, "files": self.files}
 
     def table_of(self, seed: int, settings: Table) -> Table:
-        """Return a copy of the scenario's table (as in a TOML file) with all changes of one run.
+        """Return a copy of the scenario's table (as in a TOML file) with all changes of one run and
+        without the table [sweep].
 
         Args:
             seed: The run's seed, which becomes run.seed.
@@ -118,7 +123,8 @@ class StudiedScenario:
                 name.
 
         Raises:
-            Mistake: The path of a setting leads through a value that is no table.
+            Mistake: The path of a setting goes through a value that is no table, has more than 20
+                names, or ends in a list without such an item.
         """
         table = copied(self.table)
         table.pop("sweep", None)
@@ -206,7 +212,8 @@ def record_of(
     """Return the record (outcome, measures, missed bounds, series over time) of a run.
 
     Args:
-        job: The job of the run, from which number, seed, settings and command are copied.
+        job: The job of the run, from which number, name of the scenario, seed, settings and command
+            are copied.
         scenario: The scenario that was run.
         steps: All steps of the run, or their columns; pictures are not used.
         seconds: Wall-clock time of the run [s]; nan: unknown.
@@ -241,7 +248,7 @@ def record_of(
 
 class Sheet:
     """A contact sheet of a run of `frames` steps: one image with eight of the run's pictures,
-    evenly spaced from the first to the last.
+    evenly spaced from the first to the last; with all pictures of a shorter run.
     """
 
     def __init__(self, frames: int) -> None:
@@ -250,7 +257,7 @@ class Sheet:
 
     def add(self, step: Step) -> None:
         """Draw the picture of a step into the sheet, with the true and the estimated outline of the
-        target, if the step is one of the eight; other steps are ignored.
+        target, if it is one of the pictures of the sheet; other steps are ignored.
         """
         if step.frame.index in self._shown:
             picture = Picture(f"{step.frame.time:.1f} s", step.frame.time, step.frame.image)
@@ -266,8 +273,8 @@ class Sheet:
 
 @functools.lru_cache(maxsize=1)
 def _kept(files: frozenset[tuple[str, str]]) -> Kept:
-    """Return a dictionary that `Episode` keeps robot and target in for the next run; a new one if
-    `files`, the digests of the study's files, differ from those of the last call.
+    """Return the dictionary in which `Episode` keeps robot and target for the next run; a new one
+    if `files`, the digests of the study's files, differ from those of the last call.
 
     To build a target from a mesh takes 65 ms, three times as long as everything else before a run.
     """

@@ -63,7 +63,7 @@ class Contender:
 
     def describe(self) -> Table:
         """Return the tracker's kind and settings by the keys "kind" and "settings"; if the settings
-        name model files, also their digests by path, by the key "files".
+        name files that can be read, such as models, also their digests by path, by the key "files".
         """
         found: Table = {"kind": kind_of(self.config), "settings": as_json(self.config)}
         files = digests(named_by(self.config))
@@ -147,7 +147,8 @@ class Recorded:
         has no effect.
 
         Raises:
-            ValueError: The folder or a truth file in it cannot be read any more.
+            ValueError: The folder or a truth file in it cannot be read any more, or the sequence is
+                no longer there.
         """
         for found in read_all(self.folder, RATE, self.truth_format):
             if found.name == self.name:

@@ -1,8 +1,9 @@
 """The folder of a study, which keeps all finished runs even if the process is killed.
 
 `study.json` describes the study. `runs.sqlite` has a row for each finished run, which is written to
-the disk before the next run begins. At the end the rows are exported to `results.parquet` and
-`series.parquet`, for other programs. One process writes at a time; others may read meanwhile.
+the disk when this process gets the run's record. At the end the rows are exported to
+`results.parquet` and `series.parquet`, for other programs. One process writes at a time; others may
+read meanwhile.
 """
 
 import errno
@@ -87,7 +88,7 @@ class StudyFile(Made):
     title: str
     axes: dict[str, list[object]]
     draws: dict[str, dict[str, list[object]]]
-    """The distribution of each drawn setting, and its values."""
+    """For each drawn setting, the name of its distribution with its parameters or choices."""
     seeds: list[int]
     compare: str | None
     """The axis whose values are compared with each other."""
@@ -159,8 +160,9 @@ def opened(folder: Path, described: StudyFile) -> Generator["Store"]:
         described: Contents of study.json of the study that this process begins or continues.
 
     Raises:
-        Mistake: The folder cannot be written, has other files, a damaged database, or results of
-            another command or study or of other versions, or another process is writing into it.
+        Mistake: The folder cannot be written, has other files, a damaged study.json or database, or
+            results of another command or study or of other versions, or another process is writing
+            into it.
         Refused: The disk is full, or a file cannot be written.
     """
     with writing(folder):
@@ -204,7 +206,7 @@ def _writable(path: Path) -> sqlite3.Connection:
 
     Raises:
         OSError: The path is a link or no regular file.
-        sqlite3.Error: The database cannot be written.
+        sqlite3.Error: The database cannot be opened.
     """
     for ending in BESIDE:
         file = path.with_name(path.name + ending)
@@ -268,7 +270,8 @@ def _described(folder: Path, holds: str) -> StudyFile | None:
         holds: Name of the command whose results it should have, for messages.
 
     Raises:
-        Mistake: The folder has other files, or study.json is damaged.
+        Mistake: The folder has other files, or study.json is damaged or has the format of another
+            version of servobench.
     """
     path = folder / StudyFile.FILE
     if not path.exists():
@@ -295,8 +298,8 @@ def _described(folder: Path, holds: str) -> StudyFile | None:
 
 
 def _names(before: object, now: object) -> str:
-    """Return ": " and the first dotted keys whose values differ between two tables; "" for values
-    that are no tables.
+    """Return ": " and the dotted keys whose values differ between two tables, the first three of
+    them; "" for values that are no tables.
     """
     if not (isinstance(before, dict) and isinstance(now, dict)):
         return ""
@@ -375,9 +378,9 @@ def _elsewhere(name: str, there: str | None, here: str) -> str:
 
 
 class Store:
-    """The records (results of runs) in a study's folder: finds, reads, adds and exports them.
-    `done` has the keys of the jobs that have a valid record; it is empty until `find` is called.
-    Without an open `database` the folder is only read.
+    """Store of the records (results of runs) in a study's folder: it finds, reads, adds and exports
+    them. `done` has the keys of the jobs that have a valid record; it is filled by
+    `find` and `add`. Without an open `database` the records are only read.
     """
 
     def __init__(self, folder: Path, database: sqlite3.Connection | None = None) -> None:
@@ -390,8 +393,8 @@ class Store:
         self._database = database
 
     def find(self, jobs: Iterable[Job] | None = None) -> None:
-        """Find the records of some jobs, and check that they are undamaged and of these jobs. Sets
-        `done` to the keys with a valid record, and `damaged` to those with another one.
+        """Find the records of some jobs, and check that they are undamaged and of these jobs. Set
+        `done` to the keys of valid records, and `damaged` to those of the others.
 
         Args:
             jobs: The jobs; None: all that have a record, of whatever job.
@@ -503,8 +506,8 @@ class Store:
         study is continued.
 
         Raises:
-            Refused: The disk is full, disk or memory was full in the job, or the file cannot be
-                written.
+            Refused: The disk is full, the machine had no room left in the job (`Failure.full`), or
+                the file cannot be written.
         """
         if failure.full:
             raise Refused(f"{self.folder}: {failure.reason}; {MENDED}")

@@ -86,7 +86,8 @@ def contenders(text: str | None) -> list[Contender]:
     "module:Name" for a class to import.
 
     Raises:
-        Mistake: There is no such tracker or preset, or one is listed twice.
+        Mistake: There is no such tracker or preset, one is listed twice, or its name is too long
+            for the name of a folder.
     """
     words = general_kinds() if text is None else [w.strip() for w in text.split(",")]
     chosen = [TRACKERS.named(word) for word in words]
@@ -103,7 +104,8 @@ def tracker_tables(text: str) -> dict[str, Table]:
         text: Trackers, separated by commas, in the forms that `contenders` takes.
 
     Raises:
-        Mistake: There is no such tracker or preset, or one is listed twice.
+        Mistake: There is no such tracker or preset, one is listed twice, or its name is too long
+            for the name of a folder.
     """
     labels = [one.label for one in contenders(text)]
     words = [word.strip() for word in text.split(",")]
@@ -155,7 +157,8 @@ def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
     """Read the sequences and trackers in a suite's TOML file.
 
     Raises:
-        Mistake: The file cannot be read, or a table in it is wrong.
+        Mistake: The file or a recorded sequence cannot be read, a table in the file is wrong, or
+            two sequences or two trackers have the same name.
     """
     file = validated(SuiteTable, toml.decode(toml.read(path, "suite"), path.name), f"{path.name}: ")
     entries: list[Entry] = []
@@ -177,8 +180,8 @@ def _check_unique(names: Iterable[str], what: str, place: str) -> None:
         *(
             (
                 count > 1,
-                f"{place}: two {what} are called '{name}': leave one out, or give it another name, "
-                "which is a sequence's folder or a tracker's label in a suite's file",
+                f"{place}: two {what} are called '{name}': leave one out, or rename it: a recorded "
+                "sequence by its folder, a tracker by its label in a suite's file",
             )
             for name, count in Counter(names).items()
         )
@@ -194,7 +197,8 @@ def _entries(item: Table, beside: Path, place: str) -> Sequence[Entry]:
         place: The table's place, which begins messages.
 
     Raises:
-        Mistake: The table has neither or both of `path` and `kind`, or a setting is wrong.
+        Mistake: The table has neither or both of `path` and `kind`, a setting is wrong, or the
+            recorded sequences cannot be read.
     """
     if ("path" in item) == ("kind" in item):
         count = "both" if "path" in item else "neither"

@@ -16,7 +16,7 @@ from servo.study.scenario_run import StudiedScenario
 from servo.study.store import Store, StudyFile
 
 KEY = 24
-"""Length of the name of a run: the begin of the digest of its settings."""
+"""Length of the name of a run [characters]: the beginning of the digest of its job."""
 Trial = tuple[Table, int]
 """Settings of a run by dotted key, and its seed."""
 
@@ -57,9 +57,11 @@ class Trials:
             asked: Settings and seed of each run.
 
         Raises:
-            ClusterLost: The workers have stopped.
-            Mistake: Not a single run has ended without a failure.
-            Refused: The disk is full, or the processes cannot be started.
+            ClusterLost: The workers have stopped, or one has several threads.
+            Mistake: A run failed while no run had a record yet, a worker has other versions of
+                packages or other source code, or the database is damaged.
+            Refused: The disk is full, the machine had no room left in a run, or the processes
+                cannot be started.
         """
         jobs = [self._job(settings, seed) for settings, seed in asked]
         once = {job.key: job for job in jobs}.values()

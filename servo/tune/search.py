@@ -22,14 +22,16 @@ from servo.study.scenario_run import MEASURED, TIMES
 from sim.types import Array
 
 NAMES = (SUCCESS_RATE, *(name for name in MEASURED if name not in TIMES))
-"""What can be minimised or bounded: times differ when a run is repeated."""
+"""Names of what can be minimised or bounded: all measures but computing times, which differ when a
+run is repeated."""
 CONDITION = re.compile(r"\s*(\w+)\s*([<>]=)\s*([-+]?\d+\.?\d*(?:e[-+]?\d+)?)\s*")
 MISSING = 10.0
-"""Excess of a run without a value, over the bound."""
+"""Excess that counts for a run without a value, as a share of the bound."""
 LOST = 1e9
-"""Difference from the best of a run without a value, and score of what breaks a condition."""
+"""Difference from the best that counts for a run without a value, in the measure's unit; and what
+Optuna is told, times 1 + excess, of settings that break a condition."""
 CERTAIN = 0.95
-"""Probability of a one-sided test that stops a candidate."""
+"""Confidence of the one-sided test that stops a candidate."""
 GROUP = 4
 """Candidates that race at the same time: the more, the less each proposal has learned from."""
 RANDOM = 8
@@ -113,13 +115,14 @@ class Aim:
         """Return (excess, mean) of runs with the same settings; of two such tuples the smaller one
         is better.
 
-        The excess is the sum of the mean amounts by which the runs break the conditions, each as a
-        share of its bound, plus 10 times the share of runs without a value of the measure; 0 if all
-        is kept. The mean is that of the measure, in its unit, over the runs that have it; infinite
-        if none has.
+        The excess is the sum, over the conditions, of the mean of `Condition.excess` over the runs
+        where this mean is above 0, plus 10 times the share of runs without a finite value of the
+        minimised measure; it is 0 if all conditions are kept and no value is missing. The mean is
+        that of the minimised measure, in its unit, over the runs that have it; infinite if none
+        has.
 
         Args:
-            runs: Measures of each run by name.
+            runs: Measures of each run by name, of at least one run.
         """
         values = column(runs, self.minimise)
         finite = values[np.isfinite(values)]
@@ -128,9 +131,10 @@ class Aim:
         return missing + broken, float(finite.mean()) if len(finite) else np.inf
 
     def is_worse(self, runs: Sequence[Values], best: Sequence[Values]) -> bool:
-        """Return True if settings are clearly worse than the best ones: by a paired one-sided t
-        test of the measure (95 %), or because they break a condition by the same test. Return False
-        as long as the best ones break a condition themselves.
+        """Return True if settings are clearly worse than the best ones: a one-sided t test (95 %)
+        finds that the measure is larger (paired by seed), or that the mean excess over a bound is
+        above 0. Return False for fewer than two runs, and as long as the best settings break a
+        condition themselves or lack a value of the measure in some run.
 
         Args:
             runs: Measures of the settings' runs with the first seeds.
@@ -281,7 +285,9 @@ def _told(aim: Aim, one: Candidate, best: Candidate) -> float:
 
 
 def _proposed(trial: Any, draw: Draw) -> object:
-    """Return the value of a setting that Optuna proposes, a number with four digits."""
+    """Return the value of a setting that Optuna proposes: one of the choices, or a number with four
+    significant digits.
+    """
     if draw.law == "choice":
         return draw.numbers[trial.suggest_categorical(draw.key, range(len(draw.numbers)))]
     value = trial.suggest_float(draw.key, *draw.numbers, log=draw.law == "log_uniform")
@@ -289,7 +295,9 @@ def _proposed(trial: Any, draw: Draw) -> object:
 
 
 def _is_above_zero(scores: Array) -> bool:
-    """Return whether the mean of scores (n,) is above 0 with a probability of `CERTAIN`."""
+    """Return whether the mean of scores (n,) is above 0 by a one-sided t test with the confidence
+    `CERTAIN`; False for fewer than two scores.
+    """
     if len(scores) < FIRST:
         return False
     from scipy.special import stdtrit  # takes a second

@@ -36,7 +36,8 @@ def asked(texts: Sequence[str]) -> list[Draw]:
         texts: Texts such as "controller.gain=0.2:5:log" or "estimator.kind=none,imm".
 
     Raises:
-        Mistake: A text has another form, or two name one setting.
+        Mistake: A text has another form, a setting cannot be searched (such as run.seed), a range
+            is wrong, or two texts name one setting. Whether the setting exists is not checked.
     """
     draws = list(map(_read, texts))
     if len({draw.key for draw in draws}) < len(draws):
@@ -63,9 +64,10 @@ def _read(text: str) -> Draw:
 
 def usual(scenario: Scenario, own: Table) -> list[Draw]:
     """Return the settings that are searched if the user names none, each with its range or values:
-    the gain, up to where the delay makes a loop with an integrator unstable, and at least to twice
-    its own value; the noises of the estimator; and, if commands act more than one frame late,
-    whether the estimator predicts.
+    controller.gain [1/s], up to where the delay makes a loop with an integrator unstable or to
+    twice its own value, whichever is more, but at most to 1000; the noise ratios or the gain of the
+    estimator; and, if commands act more than one frame late and the estimator does not predict the
+    error, estimator.kind: the scenario's own or "error_kalman".
 
     Args:
         scenario: The scenario.

@@ -21,10 +21,11 @@ Cells = Callable[[Message], dict[str, float]]
 
 
 def is_bag_log(path: Path) -> bool:
-    """Return True if a path is a bag with messages of ROS; an MCAP with JSON alone is a table.
+    """Return True if a bag has messages of ROS; an MCAP file with JSON messages alone is read as a
+    table instead.
 
     Raises:
-        Mistake: The bag is damaged.
+        Mistake: The bag cannot be read.
     """
     with as_mistake():
         return any(topic.serialization in ("cdr", "ros1") for topic in topics_in(path))
@@ -33,18 +34,21 @@ def is_bag_log(path: Path) -> bool:
 def bag_table(
     path: Path, units: Mapping[str, str], motion: str | None, commands: str | None
 ) -> pa.Table:
-    """Return the rows of a log in a bag, by the stamps of its messages: those of the motion, and
-    those of the commands, each with the other's cells empty.
+    """Return the table of a log in a bag: a row for each stamp of a message of the motion or of the
+    commands; cells without a message of this stamp are empty.
 
     Args:
         path: The bag.
-        units: Unit of each joint, m or rad, if the robot is known: its joint states are then the
-            motion, else poses, joint states or twists, in this order.
-        motion: Topic of the hand's motion; None: the only one.
-        commands: Topic of the commanded twists; None: the only one with twists beside the motion.
+        units: Unit of each joint by its name, "m" or "rad"; empty if the robot is not known. If it
+            is known, joint states are preferred as the motion; otherwise, or without them, poses,
+            then joint states, then twists.
+        motion: Topic of the hand's motion; None: the only one of the preferred type.
+        commands: Topic of the commanded twists; None: the only topic of twists, or no commands if
+            there is none or if twists are the motion.
 
     Raises:
-        Mistake: The bag cannot be read, or does not have one such topic.
+        Mistake: The bag cannot be read, lacks a topic of the motion or a named topic, or has
+            several topics where none is named.
     """
     cells: dict[str, Cells] = {
         JOINTS: lambda message: _joints(message, units),
@@ -84,7 +88,7 @@ def _of(topics: list[Topic], kinds: tuple[str, ...]) -> list[Topic]:
 def _chosen(
     path: Path, topics: list[Topic], name: str | None, what: str, option: str
 ) -> Topic | None:
-    """Return the topic of a name, or the only one, or None if there is none.
+    """Return the topic with a name; for the name None the only topic, or None if there is none.
 
     Raises:
         Mistake: There is no topic of this name, or there are several and no name.
@@ -103,20 +107,26 @@ def _chosen(
 
 
 def _joints(message: Message, units: Mapping[str, str]) -> dict[str, float]:
-    """Return the positions of a sensor_msgs/JointState."""
+    """Return the positions in a sensor_msgs/JointState by column, such as "joint_elbow_rad"; a
+    joint without a known unit counts as rad.
+    """
     named = zip(message.name, message.position, strict=False)
     return {f"joint_{name}_{units.get(name, 'rad')}": float(value) for name, value in named}
 
 
 def _pose(message: Message) -> dict[str, float]:
-    """Return the pose of the hand of a geometry_msgs/PoseStamped."""
+    """Return the hand's position [m] and quaternion in a geometry_msgs/PoseStamped by column, such
+    as "hand_x_m" and "hand_qw".
+    """
     place, turn = message.pose.position, message.pose.orientation
     cells = {f"hand_{axis}_m": float(getattr(place, axis)) for axis in "xyz"}
     return cells | {f"hand_q{axis}": float(getattr(turn, axis)) for axis in "wxyz"}
 
 
 def _twist(message: Message, begin: str) -> dict[str, float]:
-    """Return the twist of a geometry_msgs/TwistStamped or Twist, by columns with this beginning."""
+    """Return the twist in a geometry_msgs/TwistStamped or Twist [m/s, rad/s] by column; the columns
+    begin with `begin`, such as "command_vx_m_s".
+    """
     twist = message.twist if hasattr(message, "twist") else message
     cells = {f"{begin}_v{axis}_m_s": float(getattr(twist.linear, axis)) for axis in "xyz"}
     return cells | {f"{begin}_w{axis}_rad_s": float(getattr(twist.angular, axis)) for axis in "xyz"}

@@ -1,8 +1,9 @@
-"""Whether the motion in a robot's log follows its commands: with their sign and their unit, and how
-late.
+"""Checks whether the motion in a robot's log follows its commands with their sign and their unit,
+and after which delay.
 
-The commands, which are rates, are summed up; over half a second each, the sums of a delay later are
-compared with the motion. So neither noise nor a drift counts, and a lag makes a gain a little less.
+The commands are rates. Their integral over half a second is compared with the motion over the half
+second that is a delay later. So neither noise nor a drift counts, and a lag makes a gain a little
+smaller.
 """
 
 from collections.abc import Sequence
@@ -17,15 +18,15 @@ from servo.twin.verdict import MM, Finding, State
 from sim.types import Array
 
 COMMAND = "command_"
-"""Begin of the names of columns with commands."""
+"""Beginning of the names of columns with commands."""
 DELAYS = np.arange(0.0, 0.6, 0.02)
 """Delays that are tried [s]."""
 SPAN = 0.5
 """Time over which commanded and measured motion are compared [s]."""
 GRID = 0.02
-"""Interval of the times at which they are [s]."""
+"""Interval of the times at which they are compared [s]."""
 LEAST = {"m": 2e-3, "rad": 5e-3}
-"""Least commanded motion in this time that shows something, root mean square."""
+"""Least root mean square of the motion commanded over `SPAN` that shows anything [m, rad]."""
 ALIKE = 0.8
 """Least correlation of a motion with its command."""
 NEAR = 0.6, 1.6
@@ -123,7 +124,9 @@ def _follows(commanded: LogChannel, moved: LogChannel, delay: float) -> Follows:
 
 
 def _motions(commanded: LogChannel, moved: LogChannel, delay: float) -> tuple[Array, Array]:
-    """Return the commanded and the measured motion (n,) [m or rad] over each half second."""
+    """Return the commanded and the measured motion (n,) [m or rad] over half seconds that end 20 ms
+    apart; those of the commands are a delay [s] earlier.
+    """
     motion = moved.moved
     asked = summed(commanded.command, motion.times[-1])
     begin = max(asked.times[0] + delay, motion.times[0]) + SPAN

@@ -29,7 +29,7 @@ from sim.types import Array
 ROUGH = 0.04
 """Interval of the offsets of a search over the whole log [s]."""
 OVERLAP = 0.6
-"""Least share of the film that a log must contain."""
+"""Least overlap of film and log in this search, as a share of the shorter of the two."""
 LAST = 0.5, 0.3, 0.3
 """Cauchy scale of each step of the fit with a turn [px]."""
 THIRDS = 3
@@ -43,7 +43,8 @@ class Comparison:
     fits: Fits
     """What was fitted; the times of its points are on the log's clock but for the offset."""
     motion: RobotMotion
-    """The hand's motion after all corrections."""
+    """The hand's motion after all corrections; for a camera that stands still, the motion of the
+    base in the hand's frame."""
     flows: Array
     """Affine flows (p, 6) of consecutive pictures [1/s]."""
     verdict: Verdict
@@ -111,8 +112,8 @@ def _revealing(smooth: Smooth, steps: Tracks) -> tuple[Correction, ...]:
 
 
 def _drift(moved: RobotMotion, film: Tracks) -> float:
-    """Return a first drift of the clocks [s/s], from the offsets of the thirds of a film; 0 if one
-    of them is not clear.
+    """Return a first estimate of the drift of the clocks [s/s], from the offsets of the thirds of a
+    film; 0 if one of these is not clear.
     """
     first = film.first
     parts = np.array_split(np.flatnonzero(film.second - first == 1), THIRDS)

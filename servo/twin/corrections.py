@@ -60,19 +60,19 @@ class Smooth:
 @dataclass(frozen=True, slots=True)
 class Correction:
     """What takes a mistake back: a change of the log's values, the frames of its twists, a turn of
-    their linear part, or flips of the film.
+    their linear part or of the positions, or flips of the film or a stretch of its times.
     """
 
     mistake: str
-    """The mistake, as the part of a sentence."""
+    """The mistake, as a clause such as "w is in degrees"."""
     remedy: str
-    """What to change, as an order."""
+    """What to change, in the imperative."""
     change: Callable[[Array], Array] | None = None
     frames: tuple[Frame, Frame] | None = None
     """Frames of v and of w, in a log of twists."""
     turn: Array | None = None
-    """Rotation (3, 3) of the frame of w, or of the orientation, in that of v, or of the position;
-    the identity until it is found."""
+    """Orientation (3, 3) of the frame of w in that of v; in a log of poses, of the frame of the
+    orientations in that of the positions. It is the identity until it is found."""
     flips: tuple[float, float] = (1.0, 1.0)
     """Signs of x and y in the film."""
     stretch: float = 1.0
@@ -111,7 +111,8 @@ def _degrees(turning: list[int]) -> Correction:
 
 def motion(smooth: Smooth, *corrections: Correction) -> RobotMotion:
     """Return the motion of the robot's hand that follows from a log, after corrections of the log's
-    values and of the frame of its twists. Flips and stretches of the film have no effect here.
+    values and of the frame of its twists. For a camera that stands still (`is_inverse`) it is the
+    motion of the base in the hand's frame. Flips and stretches of the film have no effect here.
     """
     values = smooth.values
     frames = Frame.HAND, Frame.HAND
@@ -145,8 +146,9 @@ def _in_hand(times: Array, twists: Array, of_v: Frame, of_w: Frame) -> Array:
 
 
 def corrections(smooth: Smooth) -> list[Correction]:
-    """Return all corrections that a log and its film may need, each alone, for the kind of the
-    log's values. Corrections of the film's rate are left out; `rates` has them.
+    """Return the corrections that a log and its film may need, each alone: those for the kind of
+    the log's values, and that of a mirrored film. `rates`, `millimetres` and `mixed` have further
+    ones.
     """
     of_log = {Kind.POSES: _of_poses, Kind.TWISTS: _of_twists, Kind.JOINTS: _of_joints}[smooth.kind]
     return [*of_log(smooth.names), MIRRORED]
@@ -339,7 +341,7 @@ def mixed(smooth: Smooth) -> Iterator[Correction]:
 def turned(
     given: tuple[Correction, ...], turn: Array, smooth: Smooth, moved: RobotMotion
 ) -> tuple[Correction, ...]:
-    """Return corrections whose turns to be found are followed by another one.
+    """Return corrections in which each turn that is to be found is multiplied by a further one.
 
     Args:
         given: The corrections.

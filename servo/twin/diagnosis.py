@@ -37,7 +37,8 @@ GLANCED = 60, 8
 EVERY = 4
 """Each so many-th pair of consecutive pictures gives a trial its offset and its start."""
 KEPT = 12
-"""Best corrections, and pairs of them, after the first glance: these are tried."""
+"""Number of corrections, or of pairs of them, that fit best at the first glance and are then
+tried."""
 TRIAL = 3.0, 3.0, 1.0, 1.0, 0.5, 0.3
 GLANCE = 3.0, 1.0, 0.5
 """Cauchy scale of each step of a trial, and of a first glance [px]."""
@@ -51,7 +52,8 @@ FARTHEST = 60.0
 ROUNDS = 3
 """Steps in which the turn between two frames of a log is found."""
 SINGLES = 4
-"""Best single corrections that are tried with each other one, as usual ones are with usual ones."""
+"""Number of best single corrections that are combined with all others; usual ones are combined with
+usual ones in any case."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,8 +166,9 @@ def diagnose(
     surely: tuple[Correction, ...] = (),
     search: bool = True,
 ) -> Diagnosis:
-    """Return the corrections that a robot's log and the film of its camera need: none, one or two
-    of `corrections`, by which the log fits the film best.
+    """Return the corrections that a robot's log and the film of its camera need: those that surely
+    are needed, and none, one or two of `corrections` and `mixed`, with which the log fits the film
+    best.
 
     Args:
         smooth: The smoothed log.
@@ -230,7 +233,10 @@ def diagnose(
 
 
 def _part(tracks: Tracks, pairs: int, every: int) -> Tracks:
-    """Return about so many pairs of pictures of the longer span, with each `every`-th point."""
+    """Return evenly spread pairs of pictures that are three pictures apart (of consecutive ones if
+    there are no such pairs), with each `every`-th point: from `pairs` to about twice as many, or
+    all if there are fewer.
+    """
     spans = tracks.second - tracks.first > 1
     chosen = np.zeros(len(spans), bool)
     places = np.flatnonzero(spans if spans.any() else ~spans)
@@ -245,8 +251,8 @@ def _unit(
     known: float | None,
     surely: tuple[Correction, ...],
 ) -> tuple[Correction, ...]:
-    """Return the correction of millimetres if the scene is implausibly far away, else none: no
-    residual shows the unit, only the depth.
+    """Return the correction of lengths in millimetres if the scene would be more than 60 m away; an
+    empty tuple if not, or if the offset is not known. No residual shows the unit, only the depth.
     """
     if known is None:
         return ()
@@ -265,7 +271,9 @@ def _trial(
     given: tuple[Correction, ...],
     scales: tuple[float, ...],
 ) -> Trial:
-    """Return the fit of a log with some corrections."""
+    """Return the fit to the pairs of pictures `part` after the corrections `given`; its offset and
+    its start come from the consecutive pictures `steps` and their affine flows.
+    """
     moved = motion(smooth, *given)
     film = corrected(part, given)
     whole = corrected(steps, given)

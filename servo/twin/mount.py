@@ -28,7 +28,8 @@ SCALES = 3.0, 1.5, 0.8, 0.5, 0.3, 0.3, 0.3, 0.3
 LAST = 0.3
 """Cauchy scale of the cost [px]."""
 FREE_PLANE = 0.02
-"""Standard deviation of a pair's own plane from the common one, over that of a residual of 1 px."""
+"""Standard deviation of each component of a pair's own plane n from the common one's, relative to
+the third component of the latter (1 / depth)."""
 WEAKLY = np.array([0.2, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.2, 0.01, 1.0, 1.0, 1.0])
 """Standard deviation of a weak prior of offset [s], rotation [rad], lever [m], log focal length,
 drift and turn [rad], so that a direction that no motion shows stays where it is."""
@@ -73,7 +74,7 @@ class Mount:
     """n (3,) of the common plane n . X = 1 in the camera's frame [1/m]."""
     halves: Array
     """Half intervals (12,): offset [s], rotation [rad] and lever [m] along the camera's axes, log
-    focal length, drift [s/s], turn [rad]."""
+    focal length, drift [s/s], turn [rad]; 0 for what was not estimated."""
     cost: float
     """Mean of the Cauchy cost over the points, with a scale of 0.3 px."""
     scatter: float
@@ -81,7 +82,8 @@ class Mount:
     off: float
     """Median distance of the points from where the fit has them [px]."""
     stray: float
-    """Share of the points that are farther off than 2 px or five medians: on things that move."""
+    """Share of the points that are off the fit by more than 2 px and by more than five times the
+    median `off`: they are on things that move."""
     turn: Array = field(default_factory=lambda: np.eye(3))
     """Rotation (3, 3) of the frame of the hand's orientation in that of its position; the identity
     in a log that is right."""
@@ -93,8 +95,8 @@ class Mount:
 
     @property
     def depth(self) -> float:
-        """Distance from the camera to the plane of the scene along the optical axis [m], 10 km at
-        most, also for a plane behind the camera.
+        """Distance from the camera to the plane of the scene along the optical axis [m]; 10 km for
+        a plane that is farther away or behind the camera.
         """
         return 1 / max(float(self.plane[2]), 1 / FARTHEST)
 
@@ -116,9 +118,10 @@ def camera_poses(motion: RobotMotion, mount: Mount, times: Array) -> list[Pose]:
 
 
 def turn_of(motion: RobotMotion, steps: Tracks, flows: Array, offset: float) -> Array:
-    """Return the rotation (3, 3) of the frame of the hand's angular part in that of its linear
-    part, in closed form, from the regression of the affine flows on the hand's twists at an offset
-    [s]; the identity if the motion does not show it.
+    """Return the orientation (3, 3) of the frame in which the log has the angular part of the
+    hand's twists, in the frame in which it has the linear part. It comes in closed form from the
+    regression of the affine flows on the twists at an offset [s]; it is the identity if the hand
+    does not slide or does not turn.
     """
     of_slides, of_turns, _ = _regression(motion, steps, flows, offset)
     return _rotation(of_slides.T @ of_turns)
@@ -217,7 +220,9 @@ def fitted(
 
 
 def _moved(mount: Mount, step: Array, free: NDArray[np.int64]) -> Mount:
-    """Return a mount after a step of the free parameters and of the plane."""
+    """Return a mount after a step (k + 3,) of the k free parameters, limited to 0.3 each (the
+    offset to 0.05 s), and of the plane.
+    """
     whole = np.zeros(COUNT)
     whole[free] = np.clip(step[:-3], -0.3, 0.3)
     return replace(
@@ -234,8 +239,9 @@ def _moved(mount: Mount, step: Array, free: NDArray[np.int64]) -> Mount:
 
 @dataclass(frozen=True, slots=True)
 class _Moves:
-    """How the hand moved between the p pairs of pictures: rotations (p, 3, 3), the rotations (p, 3,
-    3) of the base in the hand's frame at the first picture, and slides (p, 3) in the base's [m].
+    """How the hand moved from the first to the second picture of each of p pairs: its rotation (p,
+    3, 3) in its own frame at the first picture (`turned`), the orientation (p, 3, 3) of the base in
+    that frame (`back`), and its displacement (p, 3) in the base's frame [m] (`slid`).
     """
 
     turned: Array
@@ -254,8 +260,8 @@ class _Moves:
 
 
 def _rays(moves: _Moves, tracks: Tracks, mount: Mount) -> tuple[Array, Array, Array, Array]:
-    """Return the constant part (p, m, 2) of the residuals [px], their factors (p, m, 2) [px m] and
-    (p, m, 3) of n, whose product is subtracted, and the weights (p, m): 0 for a missing point.
+    """Return the parts of the residuals c - f (n . x~), where n is the plane: c (p, m, 2) [px], f
+    (p, m, 2) [px m] and x~ (p, m, 3); and the weights (p, m), 0 for a missing point, else 1.
     """
     turned = moves.turned
     moved = np.einsum("pij,pj->pi", moves.back, moves.slid @ mount.turn)
@@ -277,8 +283,8 @@ def _rays(moves: _Moves, tracks: Tracks, mount: Mount) -> tuple[Array, Array, Ar
 def _planes(
     constant: Array, factor: Array, before: Array, weights: Array, plane: Array, ridge: Array
 ) -> tuple[Array, Array, Array]:
-    """Return the planes (p, 3) of the pairs, the derivatives (p, 2m, 3) of the residuals by them,
-    and the inverses (p, 3, 3) of their normal matrices.
+    """Return the planes (p, 3) of the pairs, the negative derivatives (p, 2m, 3) of the residuals
+    by them, and the inverses (p, 3, 3) of their normal matrices.
     """
     pairs, points = constant.shape[:2]
     by_plane = (factor[..., None] * before[:, :, None]).reshape(pairs, 2 * points, 3)
@@ -293,8 +299,8 @@ def _planes(
 def _residuals(
     moves: _Moves, tracks: Tracks, mount: Mount, scale: float
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Return the residuals (p, 2m) [px], Cauchy weights (p, m), planes (p, 3), derivatives by the
-    planes, inverses, and the ridge (3, 3) of the planes.
+    """Return the residuals (p, 2m) [px], their Cauchy weights (p, m), the three results of
+    `_planes`, and the ridge (3, 3) that pulls each pair's plane to the common one.
     """
     constant, factor, before, known = _rays(moves, tracks, mount)
     ridge = np.eye(3) / (FREE_PLANE * max(abs(mount.plane[2]), 1e-4)) ** 2 * scale**2

@@ -28,7 +28,8 @@ DRAWS = 200
 ROUNDS = 5
 """Steps of the robust fit of an affine flow."""
 SCALE = 0.5
-"""Distance at which a point counts half in the fit of an affine flow [px]."""
+"""Least distance from an affine flow at which a point counts half in its fit [px]; it is the median
+distance of the points if that is larger."""
 LEVEL = 0.95
 """Confidence level of the intervals."""
 TINY = 1e-12

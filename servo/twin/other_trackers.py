@@ -35,7 +35,8 @@ counts as noise."""
 LOUD = 2.0
 """The pictures count as the same up to so many times the noise."""
 SMALL, FAR = 0.1, 0.5
-"""But they always count as the same below, and never above, these displacements [target sizes]."""
+"""Whatever the noise, pictures count as the same below the first of these displacements, and never
+above the second [target sizes]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +66,12 @@ class Tracked:
 
 def recorded(table: pa.Table, path: Path, times: Array) -> Array | None:
     """Return the target's states (n, 4) at some times (n,) on the log's clock [s] as the recorded
-    run estimated them: x, y [px], theta [rad] and scale, nan where the log lacks theta or scale;
-    None if the log has no columns estimated_x_px and estimated_y_px, or no numbers then.
+    run estimated them: x, y [px], theta [rad] and scale; nan outside the log's time, and for what
+    the log lacks. None if the log has no columns estimated_x_px and estimated_y_px, or no numbers
+    in them at any of these times.
+
+    Raises:
+        Mistake: The log has no column time_s, or one of these columns is not one of numbers.
     """
     if not set(CENTRE) <= set(table.column_names):
         return None
@@ -123,7 +128,7 @@ class Answers:
 
     @property
     def sentence(self) -> str:
-        """What counts as the same picture."""
+        """A sentence that says up to which displacement pictures count as the same, and why."""
         return (
             f"the same: the target's corners are displaced by less than {self.limit:.1f} px in the "
             f"mean of {LONG:g} s. A law that keeps the estimated target at its goal moves the "
@@ -133,8 +138,9 @@ class Answers:
 
     @property
     def table(self) -> Table:
-        """A table with a row for each tracker: whether it would have held, and for how long the
-        recorded pictures would have been the same.
+        """A table with a row for each tracker: whether it would have held; for how long the
+        recorded pictures would have been the same; and, in these, how often it was LOST or UNSURE,
+        and the largest displacement [px].
         """
         head = ("tracker", "", "the same pictures", "LOST in them", "UNSURE", "displaced, at most")
         every = [*filter(None, (self.own,)), *self.found]

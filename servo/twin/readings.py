@@ -38,7 +38,7 @@ FEWEST = 40
 SPARSEST = 0.1
 """Largest median interval of the rows [s]."""
 APART = 1.0
-"""Largest distance of a film's first stamp from the log at which both have the same clock [s]."""
+"""A film whose first stamp precedes the log by more has another clock [s]."""
 COLUMNS = (
     "hand_x_m, hand_y_m, hand_z_m, hand_qw, hand_qx, hand_qy, hand_qz (or camera_...), or "
     "joint_NAME_m and joint_NAME_rad with --scenario, or measured_vx_m_s ... measured_wz_rad_s"
@@ -64,12 +64,13 @@ def log_table(
 
     Args:
         path: A file .csv, .parquet or .mcap, a folder of `servobench run`, or a bag.
-        scenario: The scenario whose robot has the log's joints; None: the log has poses or twists.
-        motion: Topic of a bag with the hand's motion; None: the only one.
-        commands: Topic of a bag with the commanded twists; None: the only one.
+        scenario: The scenario whose robot has the joints of a bag; None: the robot is not known.
+        motion: Topic of a bag with the hand's motion; None: as for `bag_table`.
+        commands: Topic of a bag with the commanded twists; None: as for `bag_table`.
 
     Raises:
-        Mistake: The log cannot be read, or a topic is given for another file than a bag.
+        Mistake: The log or the scenario cannot be read, or a topic is given for another file than a
+            bag with messages of ROS.
     """
     if is_bag(path) and is_bag_log(path):
         units: dict[str, str] = {}
@@ -79,7 +80,10 @@ def log_table(
                 units = dict(zip(robot.names, robot.units, strict=True))
         return bag_table(path, units, motion, commands)
     if motion or commands:
-        raise Mistake(f"{path}: --motion and --commands are topics of a bag, and this is not a bag")
+        raise Mistake(
+            f"{path}: --motion and --commands are topics of a bag of ROS, and this log is none: "
+            "leave them out"
+        )
     return table_in(path / TABLE if path.is_dir() else path)
 
 
@@ -92,7 +96,10 @@ def hand_log(table: pa.Table, path: Path, scenario: str | None) -> HandLog:
         scenario: The scenario whose robot has the log's joints; None: the log has poses or twists.
 
     Raises:
-        Mistake: The log is too short, or has no motion of the hand.
+        Mistake: The log has no column time_s or no motion of the hand, is not 4 to 600 s long, has
+            too few rows, or rows that are too far apart or not in order of time; a used column has
+            texts or numbers above 10^6; a quaternion is not of length 1; the hand does not move; or
+            the scenario cannot be used or has joints that the log lacks.
     """
     names = table.column_names
     if "time_s" not in names:
@@ -118,7 +125,7 @@ def hand_log(table: pa.Table, path: Path, scenario: str | None) -> HandLog:
         ),
         (
             not SHORTEST <= span <= LONGEST,
-            f"{path}: this log is {span:.3g} s long: record {SHORTEST:g} to {LONGEST:g} s, best "
+            f"{path}: this log is {span:.6g} s long: record {SHORTEST:g} to {LONGEST:g} s, best "
             "30 s of the motion that --wiggle writes",
         ),
         (
@@ -126,7 +133,10 @@ def hand_log(table: pa.Table, path: Path, scenario: str | None) -> HandLog:
             f"{path}: the rows of this log are more than {SPARSEST:g} s apart: record "
             "one each 20 ms",
         ),
-        (bool(np.any(abs(values) > 1e6)), f"{path}: a number in {columns[0]} ... is above 10^6"),
+        (
+            bool(np.any(abs(values) > 1e6)),
+            f"{path}: a number in {columns[0]} ... is beyond +-10^6: correct or leave out its row",
+        ),
     )
     if kind is Kind.POSES:
         lengths = np.linalg.norm(values[:, 3:], axis=1)
@@ -146,7 +156,12 @@ def hand_log(table: pa.Table, path: Path, scenario: str | None) -> HandLog:
 
 
 def _columns(names: Sequence[str], scenario: str | None, path: Path) -> tuple[Kind, list[str]]:
-    """Return the kind and the names of the columns from which the hand's motion follows."""
+    """Return the kind and the names of the columns from which the hand's motion follows: joints if
+    a scenario is given and the log has some; otherwise poses, or else twists.
+
+    Raises:
+        Mistake: The log has no such columns.
+    """
     joints = [name for name in names if name.startswith("joint_") and name[-2:] in ("_m", "ad")]
     if scenario is not None and joints:
         return Kind.JOINTS, joints
@@ -202,8 +217,13 @@ def kinematics(scenario: str, columns: Sequence[str], path: Path) -> Callable[[A
 
 
 def command_log(table: pa.Table, path: Path, motion: RobotMotion) -> Log:
-    """Return the log of commands and motion, as `identify` reads it; a log of poses with commanded
-    twists of the hand (command_vx_m_s ...) gets the measured twists of its poses.
+    """Return the log of commands and motion, as `identify` reads it; a log that has commanded
+    twists of the hand (command_vx_m_s ...) but no measured ones gets those of the hand's motion.
+
+    Args:
+        table: The log's rows.
+        path: The log, for messages.
+        motion: The hand's motion.
 
     Raises:
         Mistake: The log has no commands, or `servo.identify` refuses it.
@@ -222,12 +242,19 @@ def command_log(table: pa.Table, path: Path, motion: RobotMotion) -> Log:
 def is_camera(table: pa.Table, path: Path, scenario: str | None) -> bool:
     """Return True if a log states where the camera is: by columns camera_..., or by the joints of a
     scenario's robot, whose model has a camera.
+
+    Raises:
+        Mistake: The log has no motion of the hand.
     """
     return _columns(table.column_names, scenario, path)[1][0].startswith(("camera_", "joint_"))
 
 
 def _check_motion(smooth: Smooth, path: Path) -> None:
-    """Check that the values of a log change."""
+    """Check that a value of a log changes by more than 1e-5.
+
+    Raises:
+        Mistake: None does; the hand does not move.
+    """
     if not np.any(np.ptp(smooth.values, axis=0) > 1e-5):
         raise Mistake(
             f"{path}: the hand does not move in this log: play the motion that "
@@ -240,9 +267,10 @@ class FilmClock:
     """The time at which a film begins, on the clock of a robot's log."""
 
     begins: float
-    """Stamp of the first picture [s], on the log's clock if `is_known`."""
+    """Time of the first picture on the log's clock [s]; the log's begin if it is not known."""
     is_known: bool
-    """True if the film has stamps of the log's clock, which may differ by a constant offset."""
+    """True if this time is known, but for a constant offset: the user says it, or the film has
+    stamps of the log's clock."""
 
 
 def film(
@@ -258,8 +286,8 @@ def film(
             film's own times; None: the film's own times stay.
 
     Raises:
-        Mistake: The film or the stamps cannot be read, or there are more or fewer stamps than
-            pictures.
+        Mistake: The film or the stamps cannot be read, the stamps do not increase, or there are
+            more or fewer stamps than pictures.
     """
     with as_mistake():
         source = source_of(text, rate, topic)
@@ -290,8 +318,8 @@ def _stamped(source: Source, times: Array) -> Iterator[Picture]:
 
 def clock_of(first: int | None, log: Smooth, begins: float | None) -> FilmClock:
     """Return when a film begins on the clock of a robot's log: as the user says, or else at the
-    first picture's stamp if this is inside the log's time (or up to 1 s before), or else at the
-    log's begin, which is then not known.
+    first picture's stamp if this is inside the log's time (or up to 1 s before), or else, with
+    `is_known` False, at the log's begin.
 
     Args:
         first: Stamp of the film's first picture [ns]; None: it has none.

@@ -27,19 +27,23 @@ from tracking.sequences.sources import Picture
 FILM = "replay.mp4"
 RECORDING = "replay.rrd"
 PANEL = 416, 312
-"""Three of them, with the margins, are 1312 px wide."""
+"""Width and height of each picture on a page of the film [px]: three of them, with the margins, are
+1312 px wide."""
 LOUDER = 3.0
 """Factor on the drawn difference."""
 UPRIGHT = np.radians(3.0)
 NEAR = 0.03
-"""A base whose table is as near to the room's as this is the room's own [rad, m]."""
+"""The base's frame is the room's own if the scene's plane is level to within `UPRIGHT` [rad] and at
+the height of the base's origin to within `NEAR` [m]."""
 NO_STATUS = ""
 STEP = 0.5
 """Interval of the postures that place the scene [s]."""
 
 
 def room_in(compared: Comparison) -> Pose | None:
-    """Return `room_of` for a comparison of log and film, by postures in even intervals."""
+    """Return T_room_base [m] for a comparison of log and film, from `room_of` with camera poses
+    0.5 s apart; None: the base's frame is the room's.
+    """
     times = np.arange(compared.motion.times[0], compared.motion.times[-1], STEP)
     poses = camera_poses(compared.motion, compared.fits.mount, times)
     return room_of(poses, compared.fits.mount.plane)
@@ -48,9 +52,9 @@ def room_in(compared: Comparison) -> Pose | None:
 def room_of(poses: list[Pose], plane: Array) -> Pose | None:
     """Return T_room_base [m], the pose of a real robot's base in the simulated room, so that the
     plane of the scene is the table's top, and the point at the middle of the pictures is at the
-    table's middle, on average over the poses. The rotation about the vertical is not known then.
-    None: the base's frame is the room's, as the plane is level to 3 deg and at the height of the
-    base's origin to 3 cm.
+    table's middle, on average over the poses. The rotation about the vertical is not known; the
+    room's x axis is turned to that of the camera. None: the base's frame is the room's, as the
+    plane is level to 3 deg and at the height of the base's origin to 3 cm.
 
     Args:
         poses: Poses T_base_camera [m].
@@ -80,8 +84,9 @@ def write_replay(
     folder: Path,
     tick: Callable[[str], None],
 ) -> list[float]:
-    """Write a recording and its simulation as a film and for Rerun, and return the median
-    difference of each pair of pictures [grey levels].
+    """Write the pictures of a film beside those of its simulation as a film (replay.mp4) and for
+    Rerun (replay.rrd), and return the median absolute difference of each pair of pictures [grey
+    levels]. Pictures that cannot be decoded, or are outside the log's time, are left out.
 
     Args:
         pictures: The film's pictures.
@@ -89,10 +94,13 @@ def write_replay(
             added.
         compared: The comparison of log and film.
         camera: The film's camera.
-        room: The base in the simulated room, from `room_in`.
+        room: Pose T_room_base of the base in the simulated room, from `room_in`.
         episode: The simulated scene.
         folder: Folder to write into.
-        tick: Called after each picture, with a note; Ctrl-C in it ends the film there.
+        tick: Called after each pair of pictures, with a note; Ctrl-C ends the film there.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C was pressed before the first pair of pictures.
     """
     motion, mount = compared.motion, compared.fits.mount
     stretch, flips = effect(compared.fits.diagnosis.best.corrections)

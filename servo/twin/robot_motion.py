@@ -48,7 +48,7 @@ class RobotMotion:
 
     @property
     def inverse(self) -> "RobotMotion":
-        """Return the motion of the base in the hand's frame."""
+        """The motion of the base in the hand's frame."""
         back = self.turns * (-1, -1, -1, 1)
         return RobotMotion(self.times, -Rotation.from_quat(back).apply(self.positions), back)
 
@@ -70,7 +70,8 @@ class RobotMotion:
 
 def smoothed(times: Array, values: Array) -> tuple[Array, Array]:
     """Return an even grid of times (n,) [s], 5 ms apart, and smoothed values (n, k) at these times:
-    local quadratic fits with a triangular kernel, interpolated over gaps.
+    local quadratic fits with a triangular kernel, interpolated over gaps. All values are 0 if there
+    are too few samples for any fit.
 
     Interpolation between noisy samples would bias the clock's offset by up to 10 ms.
 
@@ -139,8 +140,8 @@ def of_twists(times: Array, twists: Array) -> RobotMotion:
 
 
 def _products(turns: Array) -> Array:
-    """Return the product of the first k quaternions (n, 4) for each k: in blocks, which are then
-    joined.
+    """Return the products (n, 4) of the first 1, 2, ... n of the quaternions x, y, z, w (n, 4),
+    computed in blocks, which are then joined.
     """
     side = int(np.ceil(np.sqrt(len(turns))))
     blocks = np.tile([0.0, 0.0, 0.0, 1.0], (side, side, 1))
@@ -153,7 +154,7 @@ def _products(turns: Array) -> Array:
 
 
 def _product(one: Array, other: Array) -> Array:
-    """Return the products of quaternions x, y, z, w (k, 4)."""
+    """Return the products (k, 4) of the quaternions x, y, z, w of two arrays (k, 4)."""
     u, v = one[..., :3], other[..., :3]
     s, t = one[..., 3:], other[..., 3:]
     vector = s * v + t * u + np.cross(u, v)

@@ -24,11 +24,11 @@ FLOWS = (
     "sheared back [1/s]",
     "higher [1/s]",
 )
-"""The parts of an affine flow."""
+"""Labels of the six components of an affine flow, in the order of `affine_flows`."""
 SHOWN = 0, 3, 1, 4
-"""Parts that are drawn."""
+"""Indices of the components that are drawn."""
 SECONDS = 12.0
-"""Time that is drawn [s]."""
+"""Length of the part of the film that is drawn [s]."""
 MM = 1e3
 SHOWN_PICTURES = 4
 BADGES = {
@@ -65,10 +65,10 @@ def section(
 
     Args:
         compared: The comparison.
-        folder: The folder of the page.
+        folder: The folder of the page, whose path the section shows.
         made: The command line and the versions of the packages.
-        more: Further blocks of the page.
-        kind: What the page shows.
+        more: Further blocks, before the pictures of the film.
+        kind: What the page calls the section: "pre-flight" or "twin".
     """
     verdict = compared.verdict
     tracks = compared.fits.tracks

@@ -33,7 +33,7 @@ SCALE = 0.5
 MOVED = 3.0
 """Median distance from the fit from which on the tag does not stand still [px]."""
 SIZE_OFF = 0.02
-"""Least error of the tag's side that is reported."""
+"""Least relative error of the tag's side that is reported."""
 SQUARE = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
 """Corners of a tag of side 1: x right, y down, clockwise from the top left."""
 POSE = slice(8, 14)
@@ -50,7 +50,9 @@ class TagSightings:
     corners: list[Array] = field(default_factory=list)
 
     def watching(self, pictures: Iterable[Picture]) -> Iterator[Picture]:
-        """Yield all pictures, and look for the tag in each third one."""
+        """Yield all pictures, and store where a tag is seen in every third one that can be decoded:
+        first the tag nearest to the picture's middle, then only tags with its number.
+        """
         detector = TagDetector()
         known: int | None = None
         count = 0
@@ -82,7 +84,9 @@ class StillTag:
 
     @staticmethod
     def of(seen: TagSightings, camera: Camera, side: float) -> "StillTag":
-        """Return the tag of sightings by a camera."""
+        """Return the tag that a camera saw, with its corners in normalised image coordinates and
+        the side of its square that the user states [m].
+        """
         corners = [camera.normalise(each) for each in seen.corners]
         return StillTag(np.array(seen.numbers), np.array(corners), side)
 
@@ -168,5 +172,5 @@ class TagFit:
 
     @property
     def has_size(self) -> bool:
-        """True if the side is the stated one."""
+        """True if the found side is the stated one to within 2 % plus the half interval."""
         return abs(self.side / self.stated - 1) < SIZE_OFF + self.half / self.stated

@@ -1,5 +1,5 @@
-"""Points of a film that are followed from picture to picture: corners of the whole picture, by
-Lucas and Kanade's method, forth and back.
+"""Points of a film that are followed from picture to picture: corners spread over the whole
+picture, followed forward and back by Lucas and Kanade's method.
 """
 
 from collections.abc import Callable, Iterable
@@ -16,29 +16,32 @@ CELLS = 8, 6
 """Columns and rows of cells, each of which gives its best corners: the best of the whole picture
 would be on one thing, which may move."""
 EACH = 3
-"""Corners of each cell."""
+"""Largest number of corners of each cell."""
 SPAN = 3
-"""Pictures between two searches for corners."""
+"""Corners are searched in every third picture."""
 WINDOW = 15
 """Side of the window that is compared [px]."""
 LEVELS = 3
-"""Halvings of the picture in which a motion is sought."""
+"""Number of times that a picture is halved for the image pyramid of Lucas and Kanade's method."""
 RETURNS = 0.5
 """Largest distance of a point from its start after it was followed forth and back [px]."""
 WIDEST = 480
-"""Wider pictures are made smaller [px]: the accuracy is that of many points."""
+"""Width to which wider pictures are reduced [px]: the accuracy is that of many points."""
 WEAK = 1e-5
 """Least response of a corner, of a picture with values from 0 to 1; noise is below it."""
 DARK = 12.0
-"""Mean of the brightest tenth of a dark picture [of 255]."""
+"""A picture is dark if the mean grey level (0 to 255) of its brightest pixels is below this; these
+are one in 60 of a picture that is 480 px wide."""
 SHOWN = 200
 """Every so many-th picture is kept, to be shown."""
 FEW = 30
 """Least number of points in a pair of pictures that is used."""
 STILL = 0.15
-"""Largest distance between two pictures of a point that stands still [px]."""
+"""Largest displacement, from one picture of a pair to the other, of a point that counts as still
+[px]."""
 CUT = 0.25
-"""Share of followed points below which the picture after is of another place."""
+"""If a smaller share of the points is found again in the next picture, the film counts as cut
+there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +53,9 @@ class Tracks:
     times: Array
     """Time of each picture (n,) [s]."""
     first: NDArray[np.int64]
-    """Number of the first picture of each pair (p,)."""
+    """Index in `times` of the first picture of each pair (p,)."""
     second: NDArray[np.int64]
-    """Number of the second picture of each pair (p,)."""
+    """Index in `times` of the second picture of each pair (p,)."""
     before: Array
     """Undistorted points x = X/Z, y = Y/Z in the first picture (p, m, 2)."""
     after: Array
@@ -60,7 +63,7 @@ class Tracks:
     known: NDArray[np.bool_]
     """True where there is a point (p, m)."""
     focal: float
-    """Focal length by which pixels of the followed pictures were divided [px]."""
+    """Given focal length in the followed pictures, which are at most 480 px wide [px]."""
     dark: float
     """Share of the pictures that are dark."""
     cuts: list[float]
@@ -68,7 +71,7 @@ class Tracks:
     size: tuple[int, int]
     """Width and height of the film's pictures [px]."""
     middles: list[Image]
-    """A few pictures of the film, RGB, in equal distances."""
+    """Every 200th picture of the film, from the first one on, RGB, uint8 (H, W, 3)."""
 
     @property
     def steps(self) -> "Tracks":
@@ -77,7 +80,9 @@ class Tracks:
 
     @property
     def moving(self) -> "Tracks":
-        """The points that move: those of what is carried before a camera that stands still."""
+        """A copy with only the points that move by more than 0.15 px: before a camera that stands
+        still, those on what the hand carries.
+        """
         away = self.focal * np.linalg.norm(self.after - self.before, axis=2)
         return replace(self, known=self.known & (away > STILL))
 
@@ -108,7 +113,8 @@ def follow(
     Args:
         pictures: The pictures, with their times; those that cannot be decoded are skipped.
         camera_of: Function that returns the camera of pictures of a width and height [px].
-        tick: Called after each picture, with a note; Ctrl-C in it ends the film there.
+        tick: Called after each picture that can be decoded, with a note such as "120 points".
+            Ctrl-C from the 30th of them on ends the film there.
 
     Raises:
         ValueError: There are fewer than two pictures that can be decoded.
@@ -173,7 +179,9 @@ class PointFollower:
         self._last = grey
 
     def _follow(self, last: Image, grey: Image, number: int) -> None:
-        """Add the pairs of pictures that end with a number."""
+        """Follow the points from the last picture into the new one, `grey`, whose number is
+        `number`, and add the pairs of pictures that end with it.
+        """
         moved, found = _followed(last, grey, self._points)
         before = np.count_nonzero(self.alive)
         self.alive &= found

@@ -29,9 +29,11 @@ VAGUE_TURN = np.radians(2.0)
 VAGUE_LEVER = 0.03
 """Largest half interval of the lever [m]."""
 TURNS = 0.02
-"""Least rate about the second axis of turning for a lever, root mean square [rad/s]."""
+"""Least rate of turning about the second axis with which a lever is stated, root mean square
+[rad/s]."""
 SLIDES = 0.005
-"""The same of sliding, for a mount without turns [m/s]."""
+"""Least velocity of sliding along the second axis with which the rotation of a mount is stated if
+the hand turns less than `TURNS`, root mean square [m/s]."""
 SCATTERED = 3.0
 """Largest scatter of the scene's planes."""
 MANY_STRAY = 0.1
@@ -47,12 +49,12 @@ LATE = 5e-3
 DRIFTS = 2e-4
 """Least drift of the clocks that is reported [s/s]."""
 FOCAL_OFF = 0.05
-"""Least error of the focal length that is reported."""
+"""Least relative error of the focal length that is reported."""
 TURNED = np.radians(8.0)
-"""Largest distance of a mount from a turn by right angles that is named as such, or from the stated
-one by which equal explanations are told apart [rad]."""
+"""Largest angle between a mount and a turn by right angles that is named as such; also the angle by
+which `preferred` tells explanations apart if one of them is as near to the stated mount [rad]."""
 FAR = np.radians(30.0)
-"""The latter, if no explanation is within the former [rad]."""
+"""Angle by which `preferred` tells explanations apart if none is so near [rad]."""
 APART = np.radians(2.0)
 """Least turn between the linear and the angular part of a log that is reported [rad]."""
 MIXED = (
@@ -80,13 +82,13 @@ class Trust:
     believed: Mount | None = None
     """The mount (pose of the camera in the hand) that the user states; None: none."""
     late: float = 0.0
-    """How long before its stamp the middle of a picture was exposed [s], which the film's times
-    have; 0: unknown."""
+    """Time from the middle of a picture's exposure to its stamp [s], which is already subtracted
+    from the film's times; 0: unknown."""
     tag: StillTag | None = None
-    """A tag that stands still in the film."""
+    """A tag that, as the user says, stands still in the film; None: there is none."""
     stamped: bool = True
     """Whether the film's times are stamps, as the robot's program uses them; False: the film was
-    only placed where it fits the log."""
+    placed where it fits the log, or where the user says."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +110,8 @@ class Fits:
     stands: bool = False
     """Whether the camera stands in the room, and sees the hand (eye-to-hand)."""
     tag: TagFit | None = None
-    """What a tag in the film shows, if there is one: the mount is then of it."""
+    """What a tag in the film shows; if the tag stands still, `mount` comes from it. None: no tag
+    was fitted."""
 
     @property
     def most_stray(self) -> float:
@@ -293,9 +296,9 @@ def _no_offset(offset: Offset) -> Finding | None:
         ),
         (
             offset.at_end,
-            "the best one is at the end of the search of 1 s: give the film's begin with --begins",
-            RECORD,
-            True,
+            "the best one is at the end of the search of 1 s",
+            "give the film's begin with --begins: this recording is enough",
+            False,
         ),
         (
             offset.half > VAGUE_OFFSET,
@@ -375,8 +378,8 @@ def _no_mount(why: str, fits: Fits, *, stated: bool) -> Finding | None:
 
 
 def _mixed(turned: Mount) -> str:
-    """Return that the linear and the angular part of a log are in two frames, or an empty text if
-    the turn between them is not clear.
+    """Return a sentence that the linear and the angular part of a log are in two frames; an empty
+    text if the turn between them is not clear.
     """
     angle = angle_of(turned.turn)
     half = float(turned.halves[list(mounts.TURN)].max())
@@ -428,15 +431,17 @@ def _no_lever(no_mount: Finding | None, fits: Fits, *, known: bool) -> Finding |
 
 
 def angles_text(mount: Mount) -> str:
-    """Return the rotation of a mount as a text, such as "roll 5.00, pitch -10.00, yaw 20.00"
-    [deg].
+    """Return the rotation of a mount, as angles about the fixed axes x, y, z of the hand [deg], in
+    a text such as "roll 5.00, pitch -10.00, yaw 20.00".
     """
     angles = Rotation.from_matrix(mount.rotation).as_euler("xyz", degrees=True)
     return "roll {:.2f}, pitch {:.2f}, yaw {:.2f}".format(*np.round(angles, 2) + 0.0)
 
 
 def place_text(mount: Mount) -> str:
-    """Return the lever of a mount as a text, such as "x 0.0, y 40.0, z 0.0" [mm]."""
+    """Return the position of the camera in the hand's frame [mm] as a text, such as "x 0.0, y 40.0,
+    z 0.0".
+    """
     return "x {:.1f}, y {:.1f}, z {:.1f}".format(*np.round(MM * mount.lever, 1) + 0.0)
 
 
@@ -474,12 +479,16 @@ def _lever(mount: Mount, believed: Mount | None) -> Finding:
 
 
 def _off(mount: Mount, believed: Mount) -> Array:
-    """Return how far a stated camera is from the found one (3,) [m], along the found one's axes."""
+    """Return the position of the found camera less that of the stated one (3,) [m], along the found
+    one's axes.
+    """
     return mount.arm - mount.rotation.T @ believed.lever
 
 
 def _is_near(off: Array, mount: Mount) -> bool:
-    """Return True if a stated camera that is so far away (3,) [m] may be the found one."""
+    """Return True if a stated camera at a distance `off` (3,) [m] from the found one may be the
+    same: each component is below the half interval plus 1 cm.
+    """
     return bool(np.all(abs(off) < mount.halves[4:7] + CLOSE))
 
 
@@ -491,13 +500,16 @@ def _of_film(tracks: Tracks) -> list[str]:
     if tracks.cuts:
         first = ", ".join(f"{time:.2f}" for time in tracks.cuts[:4])
         sentences.append(
-            f"the film is cut, or jumps, {len(tracks.cuts)} times (at {first} s on the log's clock)"
+            f"the film is cut, or jumps, {len(tracks.cuts)} times (at {first} s on the log's "
+            "clock): record one without cuts"
         )
     return sentences
 
 
 def _of_diagnosis(diagnosis: Diagnosis) -> list[Finding]:
-    """Return the rows about mistakes."""
+    """Return the rows about mistakes in log and film or, if none is found, a row on whether the two
+    fit each other.
+    """
     if diagnosis.is_clean:
         if diagnosis.is_good:
             return [Finding("log and film", "fit each other as they are")]
@@ -598,7 +610,9 @@ def _of_tag(tag: TagFit) -> Finding:
 def _against_believed(
     mount: Mount, believed: Mount, mistakes: list[str], *, has_lever: bool
 ) -> list[Finding]:
-    """Return the rows about a mount that differs from the one that the user states."""
+    """Return a list with a row about a mount that differs from the one that the user states; it is
+    empty if the two agree. The names of a turn by right angles are added to `mistakes`, in place.
+    """
     turn = believed.rotation.T @ mount.rotation
     half = float(mount.halves[1:4].max())
     near = min(cubes(), key=lambda cube: angle_of(cube.T @ turn))
@@ -623,8 +637,8 @@ def _against_believed(
     change = "set the lever that is found here, or calibrate the mount"
     if abs(off[2]) > np.linalg.norm(off[:2]):
         found += (
-            f", most along the optical axis: so would a focal length that is wrong by "
-            f"{100 * off[2] / mount.depth:.0f} %"
+            f", most of it along the optical axis, as it would with a focal length that is wrong "
+            f"by {100 * off[2] / mount.depth:.0f} %"
         )
         change += "; or calibrate the camera"
     return [Finding(AGAINST, found, change, State.WRONG)]
@@ -641,7 +655,9 @@ def cubes() -> list[Array]:
 
 
 def _named(rotation: Array) -> tuple[float, str]:
-    """Return the angle [deg] and the axis, such as "z" or "x + y", of a turn by right angles."""
+    """Return the angle [deg] and the axis of a turn by right angles, such as "z" or "x-y" (halfway
+    between x and -y); the axis is empty for no turn.
+    """
     vector = Rotation.from_matrix(rotation).as_rotvec(degrees=True)
     angle = float(np.linalg.norm(vector))
     parts = [

@@ -17,7 +17,8 @@ FASTEST = 1.0
 SWINGS = 3
 """Swings of each axis."""
 SPEED = {"m": 0.06, "rad": 0.12}
-"""Largest rate of each swing [m/s, rad/s]; three of them add up to 2 to 8 cm, or 3 to 12 deg."""
+"""Largest rate of each swing [m/s, rad/s]; three of them move an axis by up to about 5 to 9 cm, or
+6 to 10 deg, to each side."""
 RAMP = 2.0
 """Time in which the motion grows and fades [s]."""
 

@@ -18,15 +18,16 @@ FOVY = 45.0
 NEAREST, FARTHEST = 0.1, 10.0
 """Default range of a depth camera [m]."""
 SAME_PIXEL = 1e-6
-"""A border pixel must come back as exactly as this [px]; absurd coefficients fail."""
+"""A pixel of the border that is undistorted and distorted again must return with a smaller error
+than this [px]; with absurd coefficients it does not."""
 Brightness = Annotated[float, Ge(0), Le(100)]
 Noise = Annotated[float, Ge(0), Le(100)]
 Kind = Literal["opengl", "exact", "recording"]
 """Renderers."""
 STANDS = (0.0, -1.0, 0.8, -100.0, 0.0, 0.0)
 HELD = (0.0, 0.0, 0.05, 0.0, 0.0, 0.0)
-"""Where a camera in the room stands, beside the table and tilted down to it, and how a hand holds
-the target, 5 cm before it; chosen by hand."""
+"""Defaults of `pose`, with which the camera stands beside the table and is tilted down to it, and
+of `held`, with which the target is 5 cm before the hand."""
 Pose6 = tuple[Place, Place, Place, Degrees, Degrees, Degrees]
 Focal = Annotated[float, Ge(1), Le(100_000)]
 Principal = Annotated[float, Ge(-10_000), Le(10_000)]
@@ -34,24 +35,27 @@ Principal = Annotated[float, Ge(-10_000), Le(10_000)]
 
 @dataclass(frozen=True, slots=True)
 class CameraConfig:
-    """Settings of the camera: mounting, intrinsics [px], distortion, shutter, noise, depth.
+    """Settings of the camera: mounting, image size and intrinsics [px], lens distortion, shutter,
+    brightness, noise, renderer, and depth pictures.
 
     Poses are x, y, z [m] and roll, pitch, yaw [deg]: with `mounted` = "world", `pose` is that of
     the camera in the world, and `held` that of the target in the frame that the robot's camera
     would have. `rate` is the frame rate [Hz]; a pixel is the mean of `supersample` x `supersample`
-    rendered ones; `noise` is in grey levels of 255, `exposure` a fraction of the frame interval,
-    `readout_ms` the delay from the first to the last row of a rolling shutter, rendered as `bands`
-    pictures, `textures` the filter of textures and `shadows` the soft shadows in the renderer
-    "exact", and `auto_gain` a time constant [s]; depths are in m, `depth_holes` in px. None: the
-    value of the robot's model, or no such effect.
+    rendered ones; `noise` is in grey levels of 255; `exposure` is a fraction of the frame interval;
+    `readout_ms` is the delay from the first to the last row of a rolling shutter, for which `bands`
+    exposures are rendered. `textures` (their filter) and `shadows` (soft ones) act in the renderer
+    "exact" only. `auto_gain` is a time constant [s]; `depth` adds depth pictures, whose noise and
+    range are in m and whose `depth_holes` are in px. None means the value of the robot's model, or
+    no such effect.
     """
 
     mounted: Literal["robot", "world"] = "robot"
     """Mounting: in the hand of the "robot" (eye in hand); or in the "world", where the robot holds
     the target (eye to hand)."""
     pose: Pose6 = STANDS
-    """Pose of a camera in the world: x, y, z [m], roll, pitch, yaw [deg] about fixed axes;
-    with zeros for the angles it looks up, x to the right. By default it looks across the table."""
+    """Pose of a camera in the world: x, y, z [m], roll, pitch, yaw [deg] about the fixed axes x, y,
+    z. With zeros for the angles the camera looks straight up, and the rows of its picture run along
+    world x. By default it looks across the table."""
     held: Pose6 = HELD
     """Pose of the target in the frame that the robot's camera would have in the hand: x, y, z [m],
     roll, pitch, yaw [deg]; by default 5 cm before the hand, facing away from it.
@@ -94,26 +98,27 @@ class CameraConfig:
     exposure: Share = 0.0
     """Exposure as a fraction of the frame interval; what moves meanwhile is blurred."""
     readout_ms: Annotated[float, Ge(0), Le(1000)] = 0.0
-    """Rolling shutter: the first row is exposed this long before the last one, which ends at the
-    frame's time [ms]."""
+    """Delay of a rolling shutter from the exposure of the first row to that of the last row, which
+    ends at the frame's time [ms]; by default all rows are exposed together."""
     bands: Annotated[int, Ge(2), Le(64)] = 8
-    """Pictures that are rendered for a rolling shutter, at the nearest physics steps; rows between
-    two of them are their mean."""
+    """Number of exposures that are rendered for a rolling shutter, each ending at a physics step;
+    there are fewer if the readout has fewer steps. Rows between two of them are a weighted mean."""
     renderer: Kind = "opengl"
-    """Renderer of the pictures: "opengl", with MuJoCo's renderer and this machine's driver; or
-    "exact", which needs none, gives the same pictures on every machine, and draws no reflections,
-    translucence or shadows of lamps. Without OpenGL "exact" is used, and a line says so. A table
-    [recording] sets it to "recording"."""
+    """Renderer of the pictures: "opengl", MuJoCo's renderer with this machine's graphics driver; or
+    "exact", which needs no driver, gives the same pictures on every machine, and draws no
+    reflections, translucence or shadows of lamps. Without OpenGL "exact" is used, and a line says
+    so. A table [recording] sets "recording"."""
     textures: Literal["fast", "fine"] = "fast"
-    """Filter of textures in the renderer "exact". "fast": the nearest level of detail, at places
-    that are exact every 32 px; "fine": the mean of two levels, as OpenGL always takes, at places
-    that are exact every 8 px. `--exact` sets "fine"."""
+    """Filter of textures in the renderer "exact". "fast" takes the nearest mipmap level and
+    computes texture coordinates every 32 px of a row; "fine" takes the weighted mean of two levels,
+    as OpenGL always does, and computes texture coordinates every 8 px. Between these pixels the
+    coordinates are interpolated. `--exact` sets "fine"."""
     shadows: bool = False
     """Draw a soft shadow on the table under each thing on it, as under an overcast sky; only in the
     renderer "exact"."""
     auto_gain: Interval | None = None
-    """Time constant with which a gain, 1/8 to 8, brings the picture's mean back to that of the
-    first [s]; by default the gain is fixed."""
+    """Time constant [s] with which an automatic gain, 1/8 to 8, brings the picture's mean
+    brightness back to that of the first picture; by default the gain is fixed."""
     depth: bool = False
     """Add a depth picture to each picture: distances along the optical axis [m], of the same
     pixels at the frame's time."""
@@ -121,13 +126,20 @@ class CameraConfig:
     """Standard deviation of a depth at 1 m [m]; it grows with the square of the distance, as that
     of stereo and structured light. 0.0014 is a Kinect (Khoshelham and Elberink 2012)."""
     depth_holes: Annotated[int, Ge(0), Le(50)] = 0
-    """Pixels on both sides of an edge between near and far that have no depth."""
+    """Number of pixels without a depth on each side of an edge between near and far."""
     depth_nearest: Annotated[float, Ge(0), Le(1000)] = NEAREST
     """Smallest depth that is measured [m]; nearer points have no depth."""
     depth_farthest: Annotated[float, Gt(0), Le(1000)] = FARTHEST
     """Largest depth that is measured [m]; farther points have no depth."""
 
     def __post_init__(self) -> None:
+        """Check that the settings fit each other.
+
+        Raises:
+            ValueError: Two settings exclude each other, one needs another that is not given, the
+                principal point is far outside the picture, readout and exposure do not fit into a
+                frame interval, or the distortion has a wrong number of coefficients.
+        """
         of_depth = (self.depth_noise, self.depth_holes, self.depth_nearest, self.depth_farthest)
         check(
             (
@@ -149,7 +161,7 @@ class CameraConfig:
             (
                 self.readout_ms / 1e3 * self.rate + self.exposure > 1 + SAME_PIXEL,
                 f"readout_ms = {self.readout_ms:g} and the exposure do not fit into a frame at "
-                f"{self.rate:g} Hz",
+                f"{self.rate:g} Hz: lower readout_ms, exposure or rate",
             ),
             (
                 not self.depth and of_depth != (0.0, 0, NEAREST, FARTHEST),

@@ -10,9 +10,9 @@ from sim.camera.camera import CameraConfig
 from sim.types import DepthPicture
 
 JUMP = 1.03
-"""Between neighbours whose distances have a larger ratio is an edge. Chosen by hand: a plane that
-is tilted by 75 degrees stays below it (f = 290 px), and what is 4 cm high on a table at 1 m is
-above it.
+"""Largest ratio of the greatest to the least depth in a block of 3 x 3 pixels without an edge.
+Chosen by hand: a plane that is tilted by 75 degrees stays below it (f = 290 px), and an object that
+is 4 cm high, on a table at 1 m, exceeds it.
 """
 AROUND = np.ones((3, 3), np.uint8)
 """The neighbours of a pixel between which a jump in depth is an edge."""
@@ -33,8 +33,8 @@ class DepthSensor:
     def develop(self, exact: DepthPicture) -> DepthPicture:
         """Return the depth picture, float32 (H, W) [m], that the sensor measures, given the exact
         depths (H, W) [m]; the result is read-only. It is nan where no surface is (an exact depth of
-        inf), outside the sensor's range, and within `depth_holes` px of an edge between near and
-        far.
+        inf), where the measured depth, with its noise, is outside the sensor's range, and within
+        `depth_holes` px of an edge between near and far.
 
         The noise of a depth z has the standard deviation `depth_noise` z^2: that of a triangulation
         whose disparity has a constant noise (Khoshelham and Elberink 2012, Accuracy and resolution

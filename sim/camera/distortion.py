@@ -34,9 +34,9 @@ WIDEST = 85.0
 RADII = 2048
 """Number of radii at which a model is examined for folds."""
 DIRECTIONS = 64
-"""Number of directions at each of these radii."""
+"""Number of directions in which a model is examined at each of these radii."""
 BEFORE_FOLD = 0.97
-"""Share of the radius at which a model folds back that is used."""
+"""`Distortion.reach` relative to the radius at which a model folds back."""
 TINY = 1e-4
 """Smallest radius at which the fisheye's formula is evaluated; below, its factor is constant."""
 UNIT = np.eye(2)
@@ -62,7 +62,7 @@ class Distortion:
     model: Model
     """Name of the formula."""
     coefficients: tuple[float, ...]
-    """In OpenCV's order."""
+    """Coefficients of the formula, in OpenCV's order."""
 
     def __post_init__(self) -> None:
         wanted = COEFFICIENTS.get(self.model)
@@ -174,7 +174,9 @@ def _radial(lens: Distortion, q: Array) -> tuple[Array, Array]:
 
 
 def _polynomial(x: Array, coefficients: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return value and derivative of a polynomial at x by Horner's rule; constant term first."""
+    """Return the value and the derivative of a polynomial at x, by Horner's rule; the first of its
+    coefficients is the constant term.
+    """
     value = coefficients[-1]
     slope = 0.0
     for c in coefficients[-2::-1]:
@@ -185,8 +187,8 @@ def _polynomial(x: Array, coefficients: tuple[float, ...]) -> tuple[Array, Array
 
 @functools.lru_cache(maxsize=64)
 def _radii(lens: Distortion) -> tuple[Array, Array]:
-    """Return radii from 0 to the model's reach, and their lengths after the distortion without the
-    tangential terms p1 and p2.
+    """Return radii (n,) of undistorted normalised coordinates, from 0 to the model's reach, and the
+    radii (n,) to which the radial terms alone (without p1 and p2) distort them.
     """
     radii = np.tan(np.radians(np.linspace(0.0, WIDEST, RADII)))
     turn = np.linspace(0.0, 2 * np.pi, DIRECTIONS, endpoint=False)

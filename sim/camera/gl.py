@@ -23,7 +23,7 @@ INSTALL = (
     "'apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri' (Debian, Ubuntu), "
     "'dnf install mesa-libEGL mesa-libGL mesa-dri-drivers' (Fedora) or 'pacman -S mesa' (Arch)"
 )
-"""Commands that install OpenGL without a GPU."""
+"""Commands that install OpenGL on a machine without a GPU."""
 LIBRARIES = {
     "egl": (("libEGL.so.1", "libGL.so.1"), INSTALL),
     "osmesa": (
@@ -50,7 +50,7 @@ process; a context belongs to the thread that made it.
 RENDERING: dict[int, ThreadPoolExecutor] = {}
 """The thread that renders, by process: a forked one does not have its parent's."""
 RETURNED: dict[int, SimpleQueue[Callable[[], object]]] = {}
-"""What `call_later` was given since the last call, by process."""
+"""Functions that `call_later` has queued and that have not run yet, by process."""
 Result = TypeVar("Result")
 
 WITHOUT = "SERVOBENCH_WITHOUT_OPENGL"
@@ -59,8 +59,9 @@ repeat it."""
 RASTERISERS = ("llvmpipe", "softpipe", "swrast")
 """Beginnings of the names of Mesa's rasterisers, which draw on the processor."""
 MESA_THREADS = "LP_NUM_THREADS"
-"""Number of threads of Mesa's rasteriser. They do not survive a fork, and a child would wait for
-them for ever, so by default there are none; pictures of 320 x 240 px lose no time by it."""
+"""Environment variable with the number of threads of Mesa's rasteriser. These threads do not
+survive a fork, and a child process would wait for them for ever, so by default there are none;
+pictures of 320 x 240 px are rendered as fast without them."""
 
 
 class NoRenderer(RuntimeError):
@@ -98,8 +99,9 @@ def backend() -> str:
 
 @functools.cache
 def is_there() -> bool:
-    """Return whether this machine has OpenGL. If not, say on stderr that the renderer "exact" is
-    used; the line appears once for this process and the processes that it starts.
+    """Return whether OpenGL can render: this machine has it, and MUJOCO_GL does not switch it off.
+    If not, say on stderr that the renderer "exact" is used; the line appears once for this process
+    and the processes that it starts.
     """
     try:
         backend()
@@ -136,9 +138,9 @@ def call(function: Callable[..., Result], *args: object) -> Future[Result]:
     """Run a function where this process's OpenGL context is current, and return the future of its
     result.
 
-    On Linux one thread renders for the whole process, after all earlier calls: pictures are drawn
-    while the caller works on earlier ones, and any thread may ask for them. Elsewhere the function
-    runs in the calling thread, before this returns.
+    On Linux one thread of the process runs all these functions, in the order of the calls: pictures
+    are drawn while the caller works on earlier ones, and any thread may ask for them. Elsewhere the
+    function runs in the calling thread, before this returns.
 
     Raises:
         NoRenderer: A library is missing, rendering is switched off, or OpenGL makes no context. On
@@ -153,8 +155,8 @@ def call(function: Callable[..., Result], *args: object) -> Future[Result]:
 
 
 def call_later(function: Callable[..., object], *args: object) -> None:
-    """Queue a function that is to run before the next `call`, where this process's OpenGL context
-    is current; return at once.
+    """Queue a function that is to run just before the function of the next `call`, where an OpenGL
+    context of this process is current; return at once.
 
     It takes no lock: the garbage collector may close an abandoned run in any thread, even while
     that thread asks for a picture.
@@ -179,8 +181,13 @@ def rendering() -> ThreadPoolExecutor:
 
 
 def _with_context(function: Callable[..., Result], *args: object) -> Result:
-    """Call a function; the first call in a thread makes its context, directly, so that nothing
-    depends on MUJOCO_GL at the time mujoco was imported.
+    """Call the functions that `call_later` has queued, then a function, and return its result.
+
+    The first call in a thread makes the thread's OpenGL context, without MuJoCo's own choice of a
+    back end, which depends on the value of MUJOCO_GL when MuJoCo was imported.
+
+    Raises:
+        NoRenderer: A library is missing, rendering is switched off, or OpenGL makes no context.
     """
     if not hasattr(KEPT, "context"):
         _make_context(backend())

@@ -15,10 +15,11 @@ from sim.timing import Band
 from sim.types import Array, Camera, DepthPicture, Image
 
 SHARP = 0.8
-"""On the optical axis the rendered picture has at least this many pixels for one of the camera's.
+"""On the optical axis the rendered picture has at least this many pixels for one of the camera's,
+unless `LARGEST` limits its size.
 """
 LARGEST = 4
-"""The rendered picture is at most this many times as wide, and as high."""
+"""The rendered picture is at most this many times as wide, and as high, as the camera's."""
 NOISE_MARGIN = 64
 """The noise tile is this much larger than the image [px], so that it can lie differently in each
 frame.
@@ -30,16 +31,17 @@ GAINS = 1 / 8, 8.0
 
 @final
 class Lens:
-    """Applies the distortion of a camera's lens to rendered pictures. They have to be those of the
-    undistorted pinhole camera in the attribute `view`, which covers all that the camera sees;
-    without distortion `view` is the camera itself, and pictures are returned unchanged.
+    """Applies the distortion of a camera's lens to pictures. The pictures have to be rendered for
+    the pinhole camera in the attribute `view`, which covers all that the camera sees; without
+    distortion `view` is the camera itself, and pictures are returned unchanged.
     """
 
     def __init__(self, camera: Camera) -> None:
         self.view = camera if camera.distortion is None else _view(camera)
         """The pinhole camera whose pictures are bent: it covers all that the camera sees."""
         self._maps: NDArray[np.float32] | None = None
-        """For each pixel of the camera its u and v in the pinhole picture (2, H, W) [px]."""
+        """For each pixel of the camera its u and its v (2, H, W) in the picture of `view` [px],
+        counted from the middle of the first pixel, as in OpenCV; None without distortion."""
         if camera.distortion is not None:
             v, u = np.mgrid[: camera.height, : camera.width] + 0.5
             rays = camera.normalise(np.stack([u, v], axis=-1))
@@ -95,12 +97,13 @@ def _view(camera: Camera) -> Camera:
 
 
 class Sensor:
-    """Makes a camera's pictures from rendered pinhole pictures: adds motion blur or the effect of a
+    """Makes a camera's pictures from rendered pinhole pictures: adds motion blur, the effect of a
     rolling shutter, lens distortion, brightness, noise and automatic gain, as the settings `config`
     say.
 
     `bands` (`sim.timing.exposures`) says how a picture is exposed: for each group of rows, the
-    physics steps whose rendered pictures are averaged. `rng` draws the noise.
+    physics steps whose rendered pictures are averaged; without bands all pictures of a frame are
+    averaged. `rng` draws the noise.
     """
 
     def __init__(
@@ -132,11 +135,12 @@ class Sensor:
     def develop(self, pictures: list[Image], gain: float) -> Image:
         """Return the frame, RGB, uint8 (H, W, 3), read-only, that the sensor makes of the pictures
         (h, w, 3) rendered in one frame interval, in order of time. `gain` is a factor on their
-        brightness, beside the brightness in the camera's settings. An automatic gain is applied
-        too, and adapted for the next frame.
+        brightness, which is multiplied by the brightness in the camera's settings. If the settings
+        have an automatic gain, it is applied last, to the noise too, and adapted for the next
+        frame.
 
-        The first interval of a run has one picture only. The lens distorts the mean of the
-        pictures, which is the same as to distort each of them.
+        The first frame of a run has one picture only. The lens distorts the mean of the pictures,
+        which is the same as to distort each of them.
         """
         gain *= self._brightness
         fixed = gain == 1.0 and self._noise is None and self._share is None
@@ -156,8 +160,8 @@ class Sensor:
         return image
 
     def _exposed(self, pictures: list[Image]) -> np.ndarray:
-        """Return the light (H, W, 3) of a frame: each row is the mean of the pictures in its own
-        exposure.
+        """Return the light (H, W, 3) of a frame, distorted by the lens, in grey levels: each row is
+        the mean of the pictures in its own exposure.
         """
         if len(pictures) == 1 or len(self._bands) <= 1:
             return self._lens.bend(_mean(pictures))
@@ -168,8 +172,9 @@ class Sensor:
         return light
 
     def _adapt(self, level: float, share: float) -> None:
-        """Move the automatic gain by a share, 0 to 1, towards the value that gives a picture of
-        brightness `level` the brightness of the run's first picture.
+        """Move the automatic gain, on a logarithmic scale, by a share, 0 to 1, of the way to the
+        value at which the newest picture, whose mean grey level is `level`, would have that of the
+        run's first picture. The gain stays from 1/8 to 8.
         """
         if self._level is None:
             self._level = level

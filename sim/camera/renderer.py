@@ -21,7 +21,7 @@ from sim.geometry import VISION_FROM_MUJOCO
 from sim.types import Array, Camera, DepthPicture, Image, Pose
 
 ALONE = 5
-"""A group of geoms that MuJoCo does not draw by itself."""
+"""A group of geoms that MuJoCo does not draw by default."""
 TABLE = "table"
 FLOOR = "floor"
 TABLE_RIM = 0.01
@@ -44,8 +44,8 @@ def camera_pose(data: mujoco.MjData, camera: int) -> Pose:
 
 
 ELSEWHERE = (
-    "This world was made in another process, which alone can render it: make a world "
-    'where it is used; worker processes may be started with context="spawn".'
+    "This world was made in another process, and only that process can render it: make the world "
+    'in the process that uses it; worker processes may be started with context="spawn".'
 )
 
 
@@ -95,8 +95,8 @@ class Renderer(Protocol):
 
 
 MakeRenderer = Callable[[mujoco.MjModel, str, Camera], Renderer]
-"""Makes the renderer of a model's camera, by its name, with the intrinsics of the pictures, which
-have no distortion."""
+"""Function that makes a renderer, given the scene's model, the name of a camera in it, and the
+intrinsics of the pictures, which have no distortion."""
 
 
 T = TypeVar("T")
@@ -107,10 +107,13 @@ class OpenGLRenderer:
     intrinsics `view`, which are written into the model. It has the methods of the protocol
     `Renderer`.
 
-    It holds OpenGL buffers until it is closed, and renders only in the process that made it.
+    It holds OpenGL buffers until it is closed, and renders only in the process that made it: in
+    another process the methods that render raise `NoRenderer`.
 
     Raises:
-        NoRenderer: This machine has no OpenGL, or MuJoCo cannot render with it.
+        NoRenderer: This machine has no OpenGL, MUJOCO_GL switches it off, or MuJoCo cannot render
+            with it.
+        ValueError: The model's camera is not a perspective one.
     """
 
     def __init__(self, model: mujoco.MjModel, camera: str, view: Camera) -> None:
@@ -179,10 +182,15 @@ class OpenGLRenderer:
         segmented: bool = False,
         sky: bool = True,
     ) -> Future[T]:
-        """Begin a picture of the scene as it is, which may change as soon as this returns.
+        """Begin a picture of the scene in the state `data`, which may change as soon as this
+        returns. A segmented picture shows each geom in a colour of its own, without sky, shadows
+        and anti-aliasing.
 
-        A segmented picture shows each geom in a colour of its own, without sky, shadows and
-        anti-aliasing.
+        Returns:
+            Future of the result of `read`, a function that is called when the picture is drawn.
+
+        Raises:
+            NoRenderer: The renderer was made in another process.
         """
         if os.getpid() != self._process:
             raise gl.NoRenderer(ELSEWHERE)
@@ -202,7 +210,7 @@ class OpenGLRenderer:
         return picture
 
     def _fill(self, scene: mujoco.MjvScene, read: Callable[[], T]) -> T:
-        """Render a scene and read the picture."""
+        """Render a scene; return the result of `read`, which reads the picture."""
         # Worlds that are open at the same time share the context, and have their own buffers.
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         mujoco.mjr_render(self._rect, scene, self._context)
@@ -214,8 +222,8 @@ class OpenGLRenderer:
         return cv2.flip(self._upside_down, 0)  # type: ignore[return-value]
 
     def _depths(self) -> DepthPicture:
-        """Return the depths (H, W) [m] of OpenGL's buffer, in which 1 is the near plane, and 0 the
-        far plane and all behind it.
+        """Return the depths (H, W) [m], inf where nothing is drawn, from OpenGL's depth buffer, in
+        which 1 is the near plane, and 0 the far plane and all behind it.
         """
         upside_down = np.empty(self._upside_down.shape[:2], np.float32)
         # As OpenGL has it here: MuJoCo's other order would cost the digits of what is far.
@@ -229,8 +237,8 @@ class OpenGLRenderer:
 
 
 class _Sheet:
-    """MuJoCo's scene, which says what is drawn in a picture, and the last picture of it: the scene
-    may be changed once this is done.
+    """A MuJoCo scene (the list of what is drawn in a picture), and the future of the last picture
+    drawn from it: the scene may be changed once that picture is done.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -242,8 +250,8 @@ class _Sheet:
 class Supersampled:
     """A renderer for a camera of a model (by its name) with the intrinsics `view` that averages
     blocks of `times` x `times` pixels: another renderer, which `make` makes, draws pictures that
-    are `times` times as wide and high. Masks and depths are not averaged, but take the middle pixel
-    of a block.
+    are `times` times as wide and high. Masks and depths are not averaged: each block gives its
+    middle pixel (of an even number, the one right of and below the middle).
     """
 
     def __init__(
@@ -313,12 +321,13 @@ class Backdrop:
         found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, TABLE)
         self._reach = np.zeros(2) if found < 0 else model.geom_size[found, :2] - TABLE_RIM
         self.floor = np.array([i for i in range(model.ngeom) if model.geom(i).name == FLOOR], int)
-        """Ids of the geoms that only the table hides."""
+        """Ids of the floor's geoms, which need not be drawn where the table fills the picture."""
         u = np.array([0.0, 0.0, view.width, view.width])
         v = np.array([0.0, view.height, 0.0, view.height])
         rays = [(u - view.cx) / view.fx, (view.cy - v) / view.fy, -np.ones(4)]
         self._corners = np.stack(rays)
-        """The picture's corners (3, 4) in MuJoCo's camera frame, at distance 1."""
+        """The picture's corners (3, 4) in MuJoCo's camera frame, at depth 1 along the optical axis,
+        a column each."""
 
     def is_hidden(self, data: mujoco.MjData, camera: int) -> bool:
         """Return whether the table hides sky and floor from a camera (by its id) in MuJoCo's state

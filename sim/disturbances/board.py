@@ -20,7 +20,8 @@ numbers, chosen by hand, the target is hidden within six pictures."""
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
     """Settings of a board that hides the target: the time at which it has arrived, after a slide of
-    0.2 s, and for how long it stays [s]; and how far beside the line of sight it stops [m].
+    0.2 s from the left of the picture, and for how long it stays [s]; and how far to the left of
+    the line of sight to the target it stops [m].
     """
 
     props = ()
@@ -29,8 +30,9 @@ class Config(BuildsItself):
     duration: Time = 0.5
     """Time for which the board stays [s]."""
     offset: Annotated[float, Ge(0), Le(5)] = 0.0
-    """Sideways distance from the line of sight at which the board stops [m]. With another value
-    than 0 it slides out where it came in; from 0.12 to 0.26 it hides a part of the target only.
+    """Distance from the line of sight to the target, to the left in the picture, at which the board
+    stops [m]. With 0 it slides out to the right, with another value to the left again; from 0.12 to
+    0.26 it hides a part of the target only.
     """
 
     def at(self, time: float) -> Effect:

@@ -16,7 +16,7 @@ from sim.types import Effect
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
     """Settings of the change of brightness: when it begins [s], the factor, how long the factor
-    holds [s], and how long the change to the factor and the change back (`ramp`) take [s].
+    holds [s], and how long the change to the factor and the change back (`ramp`) each take [s].
     """
 
     props = ()

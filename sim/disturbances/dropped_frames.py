@@ -10,9 +10,9 @@ from sim.ranges import Share
 from sim.types import Effect
 
 LENGTH = 0.03
-"""Shortest duration of one drop [s]: a frame at 30 Hz."""
+"""Length of the time slots in which all frames are dropped or none [s]: about a frame at 30 Hz."""
 START = 0.5
-"""No frame is dropped before [s], so that trackers begin with pictures."""
+"""No frame is dropped before this time [s], so that trackers begin with pictures."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from sim.types import Effect, Spot
 
 STRENGTH = 0.4
 LAMP = 0.5
-"""Brightness of the spot, and the factor on the lamp's meanwhile: light that adds up to more than 1
-is lost."""
+"""Brightness of the spot at full strength, and the factor on the lamp's brightness meanwhile: light
+that adds up to more than 1 is lost."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,9 +20,10 @@ NAMES = {
     ".gltf": re.compile(rb'"uri"\s*:\s*"([^":]*)"'),
     ".glb": re.compile(rb'"uri"\s*:\s*"([^":]*)"'),
 }
-"""Texts with the names of files, by suffix. Contents in glTF begin with "data:"."""
+"""Patterns of the texts that name files, by the suffix of the file in which they are. In glTF,
+texts with a colon are left out, as they are contents, which begin with "data:"."""
 COLLADA = ("init_from", "ref")
-"""Ends of the elements of Collada with the name of a picture."""
+"""Ends of the names of those elements of Collada that contain the name of a picture."""
 BEGIN = b"\xef\xbb\xbf\xff\xfe\0 \t\r\n"
 """Bytes that may stand before the first element of XML."""
 LOCATION = re.compile(rb"\n\x08location\x12([\x80-\xff]{0,3}[\x00-\x7f])")
@@ -32,7 +33,8 @@ and 2 of the message, both of bytes. It is found in any graph, at any depth."""
 
 def files_behind(path: Path) -> set[Path]:
     """Return the path of a file, and the resolved paths of all existing files that it refers to,
-    directly or through others: those that an MJCF, URDF, OBJ, MTL, glTF or ONNX file names.
+    directly or through others: those that an MJCF, URDF, Collada, OBJ, MTL, glTF or ONNX file
+    names. Files of the same names in other folders that are searched may be among them.
 
     Raises:
         OSError: A file cannot be read.
@@ -60,7 +62,7 @@ def files_behind(path: Path) -> set[Path]:
 
 @functools.lru_cache(maxsize=1024)  # each run of a study asks again
 def _named(path: Path, changed: int, size: int) -> tuple[frozenset[str], frozenset[str]]:
-    """Return the names of files and the names of folders in a file.
+    """Return the names of files and the names of folders that a file contains.
 
     Args:
         path: The file.
@@ -78,8 +80,8 @@ def _named(path: Path, changed: int, size: int) -> tuple[frozenset[str], frozens
 
 
 def _in_xml(path: Path) -> tuple[frozenset[str], frozenset[str]]:
-    """Return the names of files and the names of folders that an XML model (MJCF or URDF) has; two
-    empty sets if the file is not XML.
+    """Return the names of files and the names of folders that an XML file (MJCF, URDF or Collada)
+    contains; two empty sets if the file is not XML.
     """
     with path.open("rb") as file:
         if not file.read(64).lstrip(BEGIN).startswith(b"<"):

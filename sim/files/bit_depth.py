@@ -21,9 +21,9 @@ class BitDepth:
     """
 
     used: int | None = None
-    """The number of bits; None before the first such picture."""
+    """The number of bits; None before the first picture that is not black."""
     notes: tuple[str, ...] = ()
-    """A sentence for the user if fewer than 16 bits are used."""
+    """A sentence for the user if fewer than 16 bits are used; else empty."""
 
     def uses_all(self, deep: NDArray[np.uint16]) -> bool:
         """Return True if the source of a uint16 picture (H, W, ...) uses all 16 bits, False if it

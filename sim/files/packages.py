@@ -12,9 +12,11 @@ FILE = re.compile("^file:(//)?", re.IGNORECASE)
 IN_PACKAGE = re.compile(r"^(?:(?:package|model)://+|\$\(find\s+)([^/)]+)\)?/+(.*)", re.IGNORECASE)
 """Name of a file in a ROS package, as URDF has it."""
 AROUND = 4
-"""Number of folders above a model that are searched: urdf, its package, a repository, src."""
+"""Number of folders above a model whose subfolders are searched: urdf, its package, a repository,
+src."""
 MOST = 1000
-"""Most folders that are searched in each of them: a model may lie in a home folder."""
+"""Most subfolders that are searched in each of the `AROUND` folders: a model may lie in a home
+folder."""
 
 
 def parted(name: str) -> tuple[str, str]:

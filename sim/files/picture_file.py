@@ -15,7 +15,7 @@ FORMATS = "JPEG, PNG, BMP, TIFF, WebP, PPM"
 LARGEST_FILE = 1_000_000_000
 """Largest picture file [bytes]."""
 LARGEST_SIDE = 2048
-"""A larger picture is shown smaller [px]: no camera sees more of it."""
+"""Longest side of a picture in the scene [px]; a larger picture is made smaller."""
 
 
 def read_image(file: Path, depth: BitDepth | None = None) -> Image:
@@ -93,10 +93,11 @@ def decoded(data: bytes, depth: BitDepth | None = None) -> Image:
 
 
 def _read(data: bytes, flags: int) -> np.ndarray:
-    """Return a picture in OpenCV's convention.
+    """Return the picture in the bytes of a picture file, in the order BGR, as OpenCV decodes it
+    with its `flags`.
 
     Raises:
-        ValueError: It cannot be decoded, or is too large.
+        ValueError: The picture cannot be decoded, or has a side of more than 16,384 px.
     """
     with silent_libraries():
         try:

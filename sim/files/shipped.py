@@ -9,9 +9,9 @@ from sim.files.notices import Notice, notice
 from sim.files.packages import is_file
 
 FOLDER_NAMES = (".", "..")
-"""Paths without a slash."""
+"""Names that are always paths, though they have no slash."""
 FOLDERS = ("robots", "targets")
-"""Folders of shipped files in `scenes`."""
+"""Folders of the shipped robots and targets in `scenes`."""
 
 
 class SameName(Notice):
@@ -25,8 +25,9 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
     name as a path, which need not exist.
 
     A name with a slash is always a path. The full name of a shipped file, such as "duck.obj",
-    selects it unless the working directory has a file of this name. If the user and servobench both
-    have a file of the name, a warning says which is used.
+    selects it unless the working directory has a file of this name. A warning says which file is
+    used if a bare name selects a shipped file though the working directory has one of its full
+    name, or if the user's file is used though a shipped robot or target has its name.
 
     Args:
         name: Such as "duck", "duck.obj" or "mine/duck.obj".

@@ -37,8 +37,11 @@ class Config(BuildsItself):
     def at(self, time: float) -> Pose:
         rounds, rest = divmod(time, TURN_DURATION + LEG_DURATION)
         way = complex(self.x, self.y)
+        leg = LEG_DURATION * self.speed
         for k in range(int(rounds)):
-            way += LEG_DURATION * self.speed * self._direction(k + 1)
+            way += leg * self._direction(k + 1)
+        for k in range(int(rounds), 0):  # before the start it came along the last legs
+            way -= leg * self._direction(k + 1)
         turned = min(rest / TURN_DURATION, 1.0)
         nose = self._direction(rounds + turned)
         way += max(rest - TURN_DURATION, 0.0) * self.speed * nose

@@ -118,7 +118,7 @@ class RecordedMotion:
     """
 
     def __init__(self, recorded: Recorded, poses: list[Pose]) -> None:
-        """Move as T_world_target of each picture says."""
+        """Store the recording, and T_world_target for each of its pictures."""
         self._recorded = recorded
         self._poses = poses
 
@@ -133,8 +133,9 @@ class RecordingSettings(Protocol):
     """
 
     def renderer(self) -> MakeRenderer | None:
-        """Return a function that makes the renderer of a camera which turns inside the recording;
-        None if the run uses no recording. Called when a run is built, before its first picture.
+        """Return a function that makes the renderer of a camera which turns about the centre of the
+        recording camera; None if the run uses no recording. Called when a run is built, before its
+        first picture.
         """
         ...
 

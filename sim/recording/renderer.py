@@ -16,8 +16,8 @@ from sim.recording.recorded import EYE, Recorded, Shown
 from sim.types import Array, Camera, Image
 
 CELL = 8
-"""Behind a lens, pixels at this distance are looked up exactly, and those between them by bilinear
-interpolation [px]; a hundredth of a pixel is lost."""
+"""If the recording camera's lens distorts, the places of pixels this far apart [px] are computed
+exactly, and those between them by bilinear interpolation; the error is a hundredth of a pixel."""
 MIDDLE = 0.5
 """A pixel's middle from its corner [px]; OpenCV counts from the middle of the first pixel."""
 
@@ -28,7 +28,7 @@ class RecordingRenderer:
     those of a recording: they show what a camera sees that turns about the centre of the recording
     camera.
 
-    A thread reads, decodes and warps the recorded pictures, the next one ahead.
+    A thread reads, decodes and warps the recorded pictures; it reads the next picture ahead.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class RecordingRenderer:
             recorded: The recording.
             model: The model of the scene.
             camera: Name of the turning camera in the model.
-            view: Its intrinsics.
+            view: Intrinsics of the turning camera, without distortion.
         """
         self._recorded = recorded
         self._camera = model.camera(camera).id
@@ -54,7 +54,8 @@ class RecordingRenderer:
         """The last two pictures that were read, by their numbers."""
         u, v = np.meshgrid(_nodes(view.width), _nodes(view.height))
         self._rays = view.normalise(np.stack([u, v], axis=-1))
-        """Rays of pixels `CELL` apart, with one more at each side."""
+        """Normalised coordinates X/Z, Y/Z (rows, columns, 2), in the turning camera's frame, of
+        places in its picture that are `CELL` px apart, with one more at each side."""
 
     def close(self) -> None:
         """End the thread that reads the pictures, after the picture that it is working on."""
@@ -87,8 +88,9 @@ class RecordingRenderer:
         return lambda: np.full((self._view.height, self._view.width), np.inf, np.float32)
 
     def _read(self, number: int) -> None:
-        """Read on to the picture with a number, or to the last one; one that cannot be decoded is
-        replaced by the picture before it.
+        """Read on to the picture with a number, or to the last one; for an earlier picture that is
+        not kept, start again from the first. A picture that cannot be decoded is replaced by the
+        one before it; without such a one it is left out.
         """
         if self._latest < 0 or number < self._latest - 1:
             self._shown = self._recorded.pictures()
@@ -103,8 +105,9 @@ class RecordingRenderer:
             self._pictures.pop(self._latest - 2, None)
 
     def _reduced(self, image: Image) -> Image:
-        """Return a recorded picture with the means of blocks of pixels, as many as fit into a pixel
-        of the view: the view would skip pixels otherwise, and edges flicker.
+        """Return a recorded picture in which blocks of `_shrunk` x `_shrunk` pixels are replaced by
+        their means. A block is as large as fits into a pixel of the view: otherwise the view would
+        skip pixels, and edges would flicker.
         """
         times = self._shrunk
         if times == 1:
@@ -114,8 +117,8 @@ class RecordingRenderer:
         return cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
 
     def _warped(self, number: int, turn: Array) -> Image:
-        """Return the view (H, W, 3) in the picture with a number, of a camera that is turned by R
-        in the frame of the recording camera.
+        """Return the picture, RGB (H, W, 3), that the turning camera sees in the recorded picture
+        with a number; `turn` (3, 3) is its rotation R_recording_turned.
         """
         self._read(number)
         picture = self._pictures[number]
@@ -133,8 +136,9 @@ class RecordingRenderer:
         )
 
     def _maps(self, turn: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return for each pixel of the view its u and its v (H, W) in the recorded picture, as
-        OpenCV counts them, through the recording's lens.
+        """Return for each pixel of the view its u and its v (H, W) [px] in the recorded picture,
+        shrunk as by `_reduced` and distorted by the recording camera's lens; they are counted from
+        the middle of the first pixel, as in OpenCV.
         """
         places = seen_from(self._recorded.camera, turn, self._rays) / self._shrunk - MIDDLE
         rows, columns = places.shape[:2]
@@ -164,8 +168,8 @@ def seen_from(recording: Camera, turn: Array, rays: Array) -> Array:
 
 
 def _matrix(camera: Camera, shrunk: int) -> Array:
-    """Return the intrinsic matrix (3, 3) of a camera whose picture is shrunk, with pixels counted
-    from the middle of the first one, as OpenCV does.
+    """Return the intrinsic matrix (3, 3) [px] of a camera whose picture is shrunk to 1 / `shrunk`
+    of its size, with pixels counted from the middle of the first one, as in OpenCV.
     """
     cx = camera.cx / shrunk - MIDDLE
     cy = camera.cy / shrunk - MIDDLE

@@ -22,7 +22,7 @@ Range = tuple[float, float]
 def turned(pan: float, tilt: float) -> Array:
     """Return the rotation R_recording_turned (3, 3) from the frame of a turned camera to that of
     the recording camera, after a pan to the right about the picture's vertical [rad], and then a
-    tilt upwards [rad].
+    tilt upwards about the turned camera's own x axis [rad].
     """
     return exp_so3(np.array([0.0, pan, 0.0])) @ exp_so3(np.array([tilt, 0.0, 0.0]))
 
@@ -57,7 +57,9 @@ def room_in(recording: Camera, view: Camera) -> tuple[Range, Range] | None:
 
 
 def _farthest(is_inside: Callable[[float], bool], most: float = WIDEST) -> float:
-    """Return by bisection the largest number from 0 to `most` that is inside, as 0 is."""
+    """Return the largest number from 0 to `most` for which `is_inside` is true, by bisection; it
+    has to be true for 0, and for all numbers below the result.
+    """
     low, high = 0.0, most
     for _ in range(STEPS):
         middle = (low + high) / 2

@@ -89,7 +89,7 @@ class Witness:
         """
         answers = np.clip(self._answers(self._filter.answer, states), LEAST, MOST)
         alike = self._correlations(states).max(axis=1)
-        weight = BY_ANSWER * min(1.0, self._fared / WELL)
+        weight = BY_ANSWER * min(max(self._fared / WELL, 0.0), 1.0)
         return weight * (1 - answers / MOST) + BY_TEMPLATE * (1 - alike)
 
     def signs(self, state: State) -> tuple[float, float]:

@@ -15,17 +15,18 @@ from tracking.types import Region
 CAPTION = "estimate green (locked), amber (unsure), red (lost); truth white"
 CURVES = {"confidence": colours.CURVES[1]}
 SMALLEST = (608, 64)
-"""Least width and height of a picture in the film [px]; smaller pictures are enlarged."""
+"""Least width and height of the panel with the picture [px]; a narrower picture is enlarged to this
+width, unless it would then be higher than `LARGEST`."""
 LARGEST = (1888, 1000)
 """Largest width and height of a picture in the film [px]; larger pictures are reduced."""
 
 
 class AnnotatedVideo:
-    """Writer of a film of a tracker's estimates: pictures with estimated and true outlines, and a
-    chart of the confidence. The size of the first picture decides that of the film. `to` is its MP4
-    file or a receiver of its frames, `rate` the approximate rate of the pictures [1/s], `region`
-    the size of the target in the first picture [px], and `end` the time of the last picture [s],
-    None if unknown.
+    """Writer of a film of a tracker's estimates: pictures with estimated and true outlines and the
+    tracker's particles, and a chart of the confidence. The size of the first picture decides that
+    of the film. `to` is its MP4 file or a receiver of its frames, `rate` the approximate rate of
+    the pictures [1/s], `region` the size of the target in the first picture [px], and `end` the
+    time of the last picture [s], None if unknown.
     """
 
     def __init__(
@@ -51,12 +52,13 @@ class AnnotatedVideo:
         self._film: FilmPage | None = None
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a frame of the film: a picture with the estimated and the true outline, and the
-        chart of the confidence up to the picture's time.
+        """Write a frame of the film: a picture with the estimated and the true outline and the
+        tracker's particles, and the chart of the confidence up to the picture's time.
 
         Args:
             shot: The picture and the tracker's estimate for it.
-            truth: True corners (4, 2) [px] in that picture; None: unknown.
+            truth: True corners (4, 2) [px] in that picture; nan: the target is absent; None:
+                unknown.
 
         Raises:
             OSError: The file cannot be written.
@@ -75,8 +77,8 @@ class AnnotatedVideo:
             self._film.close()
 
     def abandon(self) -> None:
-        """Close the film's file after an error; it can be played up to its last frames. Do nothing
-        if no picture was written.
+        """Close the film's file after an error; it keeps the frames that it has whole, and is
+        removed if it has none. Do nothing if no picture was written.
         """
         if self._film:
             self._film.abandon()

@@ -54,9 +54,9 @@ def panels(
 
 
 def hide_rounding(axes: Axes) -> None:
-    """Show values that differ by rounding alone as equal: let the vertical axis reach half a unit
-    above and below them, or farther down if it has a lower end already. So no line lies on an end
-    of the axis.
+    """If all values drawn into axes are equal except for rounding (1e-9), let the vertical axis
+    reach half a unit above and below them, or farther down if a lower end was set: they then look
+    equal, and no line lies on an end of the axis. Else change nothing.
     """
     low, high = axes.dataLim.intervaly
     if 0 <= high - low < ROUNDING:

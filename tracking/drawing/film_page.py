@@ -180,7 +180,8 @@ class FilmPage:
         self.close = self._video.close
         """Finish the file."""
         self.abandon = self._video.abandon
-        """Close the file after an error; it can be played up to its last frames."""
+        """Close the file after an error; it keeps the frames that it has whole, and is removed if
+        it has none."""
 
     def add(
         self,
@@ -190,13 +191,13 @@ class FilmPage:
         statuses: Sequence[str],
         note: str,
     ) -> None:
-        """Write a frame of the film: pictures, chart up to now, time and note.
+        """Write a frame of the film: pictures, the chart up to `time`, the time, note and status.
 
         Args:
             time: Time of the frame [s], later than that of the last one.
             panels: For each caption an image (height, width, 3) of the size that the constructor
                 got.
-            values: A value for each curve of the chart.
+            values: A value for each curve of the chart; nan leaves a gap.
             statuses: Names of a `Status`, such as "LOCKED", or "" for none: one for the film, or
                 one for each panel.
             note: Text before the time, such as "frame 12".

@@ -30,8 +30,8 @@ POINTS = 72
 @dataclass(frozen=True, slots=True)
 class Chart:
     """Settings of a chart over time: the colours of its curves by the names in the legend, the
-    label of their common vertical axis, which begins at 0, and the ends of the time axis [s] and of
-    the vertical axis (None: the axis grows with the times or values).
+    label of their common vertical axis, which begins at 0, and the ends of the time axis [s] (None:
+    unknown) and of the vertical axis (None: the axis grows with the values).
     """
 
     curves: Mapping[str, str]
@@ -39,14 +39,15 @@ class Chart:
     label: str
     """Label of the vertical axis, with the unit of the values."""
     end: float | None = None
-    """End of the time axis [s]; None: it grows with the frames."""
+    """End of the time axis [s], which grows for later frames; None: it begins with 10 s."""
     top: float | None = None
     """End of the vertical axis; None: it grows with the values."""
 
 
 class RunningChart:
     """Draws curves and coloured bands of a film over time, frame by frame, into Matplotlib's
-    `axes`, and extends their ranges when a time or value exceeds them.
+    `axes`. The time axis is extended when a frame is later than its end; the vertical axis, unless
+    the chart sets its end (`top`), when a value exceeds it.
     """
 
     def __init__(self, axes: Axes, chart: Chart) -> None:
@@ -123,7 +124,9 @@ class RunningChart:
         self._band.set_color([STATUS_ON_WHITE[status] for *_, status in every])
 
     def _grow(self, time: float, value: float) -> bool:
-        """Extend the axes to a time [s] and a value; return True if one of them has grown."""
+        """Extend the time axis to a time [s] and, unless its end is set, the vertical axis to a
+        value; return True if one of them has grown.
+        """
         longer = time > self._end
         higher = self._grows and value > self._top
         if longer:

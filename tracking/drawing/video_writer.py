@@ -129,7 +129,9 @@ class VideoWriter:
 
     @contextmanager
     def _abandoned_if_refused(self) -> Generator[None]:
-        """Name the file in an OSError of the block, and close the file with its whole fragments."""
+        """Context manager: on an OSError of the block, add the file's name to the error if it has
+        none, and close the file, which keeps the frames that it has whole.
+        """
         try:
             with atomic.naming(self._path):
                 yield

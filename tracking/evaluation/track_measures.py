@@ -30,7 +30,7 @@ ON_TARGET = 0.1
 RATE = 30.0
 """Rate of the pictures in `auc_streamed` [1/s]: sequences of benchmarks have no times."""
 HALF = 0.5
-"""Least overlap of a frame in which the target is held."""
+"""Overlap above which the target is held in a frame."""
 MOST = 0.9
 """Least share of such frames in a track that holds the target."""
 
@@ -56,7 +56,7 @@ class Comparison:
     truth: Array
     """True corners (n, 4, 2) [px]; nan in frames without the target."""
     states: Array | None
-    """True x, y, theta, scale (n, 4) if they are known exactly, else None."""
+    """True x, y [px], theta [rad], scale (n, 4) if they are known exactly, else None."""
     present: NDArray[np.bool_]
     """True in the frames with the target (n,)."""
     offsets: Array
@@ -66,7 +66,7 @@ class Comparison:
     overlaps: Array
     """Intersection over union (m,) of the upright boxes."""
     turned_overlaps: Array
-    """Intersection over union (m,) of the rotated rectangles."""
+    """Intersection over union (m,) of the outlines themselves, convex quadrilaterals."""
 
     @staticmethod
     def of(track: Track, truth: Array, states: Array | None = None) -> "Comparison":
@@ -161,8 +161,8 @@ def turned_overlaps(a: Array, b: Array) -> Array:
 
 def frames_until_loss(c: Comparison) -> float:
     """Return the number of frames with the target before it is lost. It is lost at the first of
-    five frames in a row in which the centre error exceeds the target's size (square root of its
-    box's area). If it is never lost, return the number of all frames with the target.
+    five successive ones in which the centre error exceeds the target's size (square root of its
+    upright box's area). If it is never lost, return the number of all frames with the target.
     """
     away = c.errors > np.sqrt(np.prod(c.sizes, axis=1))
     runs = np.convolve(away, np.ones(LOSS_RUN), mode="valid") == LOSS_RUN
@@ -238,7 +238,7 @@ def _success_of(c: Comparison, estimates: NDArray[np.intp]) -> float:
 
 def _state_rmse(c: Comparison, column: int) -> float:
     """Return the root mean square error of theta (column 2) [deg], or the relative one of the scale
-    (column 3); nan if the true states are unknown.
+    (column 3), over all frames, also those without the target; nan if the true states are unknown.
     """
     if c.states is None:
         return float("nan")

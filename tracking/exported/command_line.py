@@ -14,8 +14,8 @@ def serve(module: str, run: Callable[..., None], *, seeded: bool = False) -> Non
 
     Args:
         module: The server's module, such as "tracking.exported.program_server".
-        run: Function that serves a tracker, or another component; it gets its kind, and by name
-            `preset`, the settings and, with `seeded`, `seed`.
+        run: Function that serves a tracker, or another component. Its argument is the component's
+            kind; its keyword arguments are `preset`, the settings and, with `seeded`, `seed`.
         seeded: Whether the command line has an option --seed.
     """
     parser = argparse.ArgumentParser(prog=f"python -m {module}")

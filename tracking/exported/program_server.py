@@ -48,7 +48,8 @@ def run_program(
 
     Raises:
         ValueError: There is no such kind or preset, a setting has a wrong value, the client sends
-            something else than the protocol has, or the tracker refuses the target's region.
+            something else than the protocol has, or the tracker cannot be loaded, refuses the
+            target's region or the picture, or fails.
         TypeError: The tracker has no such setting.
     """
     lines = requests or sys.stdin.buffer
@@ -68,8 +69,8 @@ def _conversation(
     """Yield the answer to each line that a client sends.
 
     Raises:
-        ValueError: The client sends a picture first, a line of it lacks a key, or its input ends
-            within a picture.
+        ValueError: The client sends a picture before a seed, or a line that is not JSON or lacks a
+            key; or the client's input ends within a picture.
     """
     served: Served | None = None
     while line := requests.readline():
@@ -102,7 +103,14 @@ def _check_keys(asked: Mapping[str, Any]) -> None:
 
 
 def _answer(served: Served, asked: Mapping[str, Any], image: Image) -> Mapping[str, object]:
-    """Return the answer to a picture (H, W, 3) and the line before it."""
+    """Start the tracker on a client's first picture, RGB (H, W, 3), or find the target in a later
+    one. Return the answer for the client: {} for the first picture, else the tracker's report.
+
+    Args:
+        served: The tracker.
+        asked: The line before the picture; that of the first one has the target's corners.
+        image: The picture.
+    """
     frame = Frame(image, asked["time"], asked["index"])
     if "corners" not in asked:
         return _words(served.update(frame))
@@ -114,10 +122,10 @@ def _answer(served: Served, asked: Mapping[str, Any], image: Image) -> Mapping[s
 
 
 def picture_in(requests: BinaryIO, asked: Mapping[str, Any]) -> Image:
-    """Read the picture (H, W, 3) that follows a line.
+    """Read the picture, RGB (H, W, 3), that follows a line with its height and width [px].
 
     Raises:
-        ValueError: The client's input ends within it.
+        ValueError: The client's input ends within the picture.
     """
     shape = asked["height"], asked["width"], 3
     count = int(np.prod(shape))
@@ -131,7 +139,9 @@ def picture_in(requests: BinaryIO, asked: Mapping[str, Any]) -> Image:
 
 
 def _words(report: Report) -> Mapping[str, object]:
-    """Return a report as a mapping that JSON can write; what is not known is left out."""
+    """Return a report as a mapping that JSON can write, with "seen" only for a target that is not
+    seen; what is not reported is left out.
+    """
     given = {
         "box": None if report.box is None else report.box.tolist(),
         "angle": report.angle,

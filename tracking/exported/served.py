@@ -33,7 +33,8 @@ class Served:
         self._guest = config.guest(seed) if isinstance(config, GuestSettings) else None
         self._tracker = None if self._guest else config.build(np.random.default_rng(seed))
         self.gives: frozenset[Gives] | None = self._guest.gives if self._guest else None
-        """What a guest declares that it measures; None: what the reports show."""
+        """What a tracker of another author declares that it measures; None for our trackers, and
+        if it declares nothing: the reports show what is measured."""
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Start the tracker on the first picture, in which the target is the rectangle `region`
@@ -44,7 +45,8 @@ class Served:
         """
         self._region = region
         self.outline = region.corners(state)
-        """Corners (4, 2) [px] of the target where it was seen last, clockwise."""
+        """Corners (4, 2) [px] of the target in the last picture or, of another author's tracker, in
+        the last one in which it saw the target."""
         if self._tracker is not None:
             self._tracker.start(frame, region, state)
         elif self._guest is not None:
@@ -56,6 +58,9 @@ class Served:
 
         The attribute `outline` then holds the target's corners (4, 2) [px]; of another author's
         tracker that does not see the target, those of the last picture in which it did.
+
+        Raises:
+            ValueError: A tracker of another author fails, or its answer is not valid.
         """
         report = self._report(frame)
         if self._guest is not None and report.seen:

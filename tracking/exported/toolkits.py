@@ -50,8 +50,8 @@ class Follower:
             turned: Keep the rotation of corners that form a rectangle; else use the upright box.
 
         Raises:
-            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
-                picture.
+            ValueError: A side of the region is shorter than 4 px, most of it is outside the
+                picture, or the tracker cannot use the picture.
         """
         self.region, state = placement(corners_of(np.array(numbers, dtype=float)), turned=turned)
         self._tracker = self._config.build(np.random.default_rng(self._seed))
@@ -127,7 +127,8 @@ class OpenCVTracker:
         trackers do.
 
         Returns:
-            True if the target is seen, and its upright box (left, top, width, height) [px].
+            True if the target is seen, and its upright box (left, top, width, height) [px]; where
+            the target is not seen, False and the box of the tracker's prediction.
         """
         found, rect = self._follower.update(rgb(image))
         return found.status is Status.LOCKED, rect
@@ -264,8 +265,8 @@ def run_vot(
 
     Raises:
         ValueError: There is no such kind or preset, or a setting has a wrong value; a picture
-            cannot be read or decoded, or is too large; or the region is neither a rectangle nor a
-            polygon of four points, is empty, or is mostly outside the first picture.
+            cannot be read or decoded, or is too large; or the region is a polygon without exactly
+            four points, has a side shorter than 4 px, or is mostly outside the first picture.
         TypeError: The tracker has no such setting.
     """
     given = handle.region()

@@ -1,4 +1,4 @@
-"""Server of the TraX protocol with one of our trackers, such as for the VOT toolkit: `python -m
+"""Server of the TraX protocol with a tracker of any kind, such as for the VOT toolkit: `python -m
 tracking.exported.trax_server KIND`.
 """
 
@@ -48,7 +48,8 @@ def run_trax(
     answers: TextIO | None = None,
     **settings: object,
 ) -> None:
-    """Serve a TraX client: receive pictures and send the target's regions, until the client quits.
+    """Serve a TraX client: receive pictures and send the target's regions, until the client quits
+    or its input ends.
 
     The tracker is compiled and loaded before the first message (hello), because clients limit the
     time of each answer: the VOT toolkit ends a server after 30 s.
@@ -64,8 +65,9 @@ def run_trax(
         **settings: Settings of the tracker.
 
     Raises:
-        ValueError: There is no such kind or preset, or a setting has a wrong value; or the client
-            sends a region or picture that cannot be used, or a picture before a region.
+        ValueError: There is no such kind or preset, or a setting has a wrong value; the client
+            sends a region or picture that cannot be used, or a message that is not expected, such
+            as a picture before a region; or the tracker cannot be loaded, or fails.
         TypeError: The tracker has no such setting.
     """
     out = answers or sys.stdout
@@ -80,7 +82,12 @@ def run_trax(
 def _conversation(
     kind: str, config: PartConfig[Tracker], seed: int, rate: float, requests: Iterable[str]
 ) -> Iterator[Message]:
-    """Yield our messages: a hello, then the answer to each picture that a client sends."""
+    """Yield our messages: a hello, then the answer to each picture that a client sends.
+
+    Raises:
+        ValueError: The client sends a region or picture that cannot be used, or a message that is
+            not expected; or the tracker cannot be loaded, or fails.
+    """
     served = Served(config, seed)
     declared = {} if served.gives is None else {"trax.gives": ";".join(sorted(served.gives))}
     yield Message("hello", named=ABOUT | {"trax.name": kind} | declared)
@@ -127,7 +134,7 @@ def _region(text: str) -> Array:
     """Return the client's region: a box (4,) x, y, width, height, or a polygon (n, 2) [px].
 
     Raises:
-        ValueError: The text is neither, or the box has no area.
+        ValueError: The text is not a region, or the box or mask in it has no area.
     """
     try:
         region = region_in(text)

@@ -1,8 +1,8 @@
 """Writing of files so that each is complete or absent, and never through a link.
 
 A file is written under another name, flushed to the disk, and renamed over an older one. Because
-the folder may come from another person, a link that has the file's name is replaced, and a link to
-a folder is refused.
+the folder may come from another person, a link that has the file's name is replaced, and a link in
+place of a folder below the root is refused.
 """
 
 import errno
@@ -32,7 +32,7 @@ def write(root: Path, name: str, content: bytes | str) -> Path:
         The path of the file.
 
     Raises:
-        OSError: The file cannot be written, or a folder of its path is a link.
+        OSError: The file cannot be written, or a folder in `name` is a link.
     """
     with writing(root, name) as file:
         file.write(content.encode() if isinstance(content, str) else content)
@@ -50,7 +50,7 @@ def writing(root: Path, name: str) -> Generator[BinaryIO]:
         name: Name of the file in it, such as "report.json" or "results/kams/a-0.json".
 
     Raises:
-        OSError: The file cannot be written, or a folder of its path is a link.
+        OSError: The file cannot be written, or a folder in `name` is a link.
     """
     path = folder(root, str(PurePosixPath(name).parent)) / PurePosixPath(name).name
     aside = path.with_name(ASIDE.format(path.name))
@@ -67,10 +67,11 @@ def writing(root: Path, name: str) -> Generator[BinaryIO]:
 
 
 def _check_replaceable(path: Path) -> None:
-    """Check that a path is free, a file, or a link to a file.
+    """Check that a path is free, or that of a file or link, which can be replaced.
 
     Raises:
-        OSError: It is a device, a pipe, a folder or a link such as /dev/stdout.
+        OSError: The path is a device, a pipe, a socket, a folder, or a link into /proc, such as
+            /dev/stdout.
     """
     try:
         mode = path.lstat().st_mode

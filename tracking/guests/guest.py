@@ -76,11 +76,13 @@ class GuestSettings:
     least_confidence: Share = 0.0
     """The target also counts as not seen where the tracker reports a smaller confidence."""
     follow_size: bool = True
-    """Use the size of the tracker's boxes, once it has changed."""
+    """Use the size that the tracker reports, if the tracker declares that it measures the size, or
+    if it declares nothing, once the reported size has changed."""
     timeout: Limit = 30.0
     """Longest wait for the answer to a picture [s]."""
     loading: Limit = 120.0
-    """Longest wait for the first answer, before which the tracker loads what it needs [s]."""
+    """Longest wait for the first answer, before which the tracker loads what it needs [s]; for a
+    tracker in our own process also that for its start on the first picture."""
 
     def guest(self, seed: int) -> Guest:
         """Return a new tracker of the other author, loaded and ready for the first picture;
@@ -163,8 +165,9 @@ class GuestTracker:
         )
 
     def _judge(self, frame: Frame, report: Report) -> tuple[float, Status]:
-        """Return the target's distance, 0..1, and its status: one minus the confidence, or 0 for a
-        target that is seen, if no histogram judges.
+        """Return the target's distance, 0..1, and its status. Where the tracker sees the target
+        with enough confidence, and a colour histogram judges, the distance is the histogram's. Else
+        it is 1 - confidence or, without a confidence, 0 if the target is seen, and 1 if not.
 
         Raises:
             ValueError: The tracker reports no confidence, which `least_confidence` needs.

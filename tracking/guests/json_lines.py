@@ -40,8 +40,8 @@ class JsonLines:
         """The first answer."""
 
     def show(self, picture: Image, more: Line) -> Line:
-        """Send an RGB picture (H, W, 3) of uint8, with more keys of its line, and return the
-        answer.
+        """Send a line with a picture's width and height [px] and the keys of `more`, then the bytes
+        of the RGB picture (H, W, 3) of uint8; return the program's answer.
 
         Raises:
             ValueError: The program has ended, does not answer in time or with an object of JSON, or
@@ -71,7 +71,9 @@ class JsonLines:
         self._program.fail(fault)
 
     def end(self) -> None:
-        """End the program and all processes that it has started."""
+        """End the program and the processes that it has started, except those in a process group
+        of their own.
+        """
         self._program.end()
 
     def _object_in(self, line: bytes) -> Line | None:

@@ -124,7 +124,9 @@ class TimedGuest:
 
 
 def _serve(calls: SimpleQueue[Call | None]) -> None:
-    """Call one function after the other, until there is a None."""
+    """Call the functions in a queue one after the other, and put each one's outcome into its own
+    queue, until the queue gives None.
+    """
     while (call := calls.get()) is not None:
         try:
             outcome = call.function(), None

@@ -22,17 +22,18 @@ class Placement:
     """Converts boxes and corners that a tracker of another author reports into states of the
     target's region in the first picture.
 
-    An upright box gives the centre, and the scale as the square root of its area over that of the
-    upright box around the region in the first picture; the angle keeps its first value. A box with
-    an angle gives the angle too, and the scale by its area over the region's. Four corners give
+    An upright box gives the centre, and the change of scale since the first picture as the square
+    root of its area over that of the upright box around the region in the first picture; the angle
+    is that in the first picture. A box with an angle gives the angle too, and the change of scale
+    by its area over the region's. Four corners give
     centre, angle and scale by the similarity that maps the region's first corners to them with
     least squares. Angle and scale change only if they are measured: as the tracker declares
     (`gives`; None: as its reports show); without `sizes` the scale never changes.
     """
 
     turns = False
-    """True once an angle was reported, or corners that are not those of an upright box; if the
-    tracker declares what it measures, only if "angle" is among this."""
+    """True once an angle was reported, or corners that are not those of an upright box; always
+    False if the tracker declares what it measures without "angle"."""
     resizes = False
     """True if the size is followed and measured: the tracker declares "size", or, if it declares
     nothing, the reported size has changed. Before, the scale of a state stays that of the first
@@ -59,7 +60,7 @@ class Placement:
         self._gives = gives
         self._sizes = sizes
         self._log_size: float | None = None
-        """Half the logarithm of the first reported area over the region's."""
+        """Change of ln scale from the first picture to the first report; None before it."""
         self._first = state
         self._corners = region.corners(state)
         self._last = self._corners

@@ -1,6 +1,6 @@
-"""A program of another author: its settings, and the connection to it. The program is started and
-asked with time limits, and ended with its children when the connection is closed or our own process
-is killed.
+"""A program of another author: its settings, and the connection to it. The program is asked with
+time limits. It is ended, with the other processes of its process group, when the connection is
+closed or our own process is killed.
 """
 
 import fcntl
@@ -27,25 +27,26 @@ Answer = TypeVar("Answer")
 LAST_LINES = 3
 """Number of lines of a program's stderr that an error quotes."""
 MARKS = b" \t\r\n^~"
-"""What lines consist of that are empty, or that only mark a place in a line of a traceback."""
+"""Characters of a line that an error does not quote: an empty line, or one that only marks a place
+in the line of a traceback above it."""
 LONGEST_LINE = 1 << 24
 """Most bytes of a program's output that are read at once: output without an end of line cannot fill
 the memory."""
 PIPE = 1 << 20
 """Size of the pipe to a program [bytes]: a picture of 640 x 480 pixels fits into it."""
 LOOK = 0.1
-"""Time between two looks whether a silent program has ended [s]."""
+"""Interval between checks whether a silent program has ended [s]."""
 GRACE = 0.5
 """Time between the request to quit and the kill of a program [s]."""
 KEEPER = 'read -r _; kill -s KILL -- "-$1"; rm -rf -- "$2"'
-"""Shell script that kills a program with its children and removes its folder, as soon as the script
-reads a line or the end of its input, which ends also when our own process is killed."""
+"""Shell script that kills a program's process group and removes the program's folder, as soon as
+the script reads a line or the end of its input, which ends also when our own process is killed."""
 
 
 @dataclass(frozen=True)
 class ProcessSettings(GuestSettings):
-    """Settings of a tracker in a process of its own: the command that starts it, without a shell,
-    which a file may not give.
+    """Settings of a tracker in a process of its own: the command that starts it, which is run
+    without a shell, and which a file may not give.
     """
 
     traits = frozenset({Trait.FOREIGN})
@@ -58,8 +59,8 @@ class ProcessSettings(GuestSettings):
 
 class GuestProcess:
     """A running program of another author, which gets bytes at its standard input and answers in
-    lines; it is ended when this object is deleted, with the bytes `goodbye`. `name` begins
-    messages, `command` is run without a shell, and `environment` is added to our own.
+    lines. When this object is deleted, the program gets the bytes `goodbye` and is ended. `name`
+    begins messages, `command` is run without a shell, and `environment` is added to our own.
     """
 
     def __init__(
@@ -91,7 +92,7 @@ class GuestProcess:
         self._input = process.stdin.fileno()
         self._output = process.stdout.fileno()
         self._read = bytearray()
-        """Output that was read, from the last line that was returned on."""
+        """Output that was read and is not yet returned as a line."""
         self._is_asked = False
         os.set_blocking(self._input, False)
         _enlarge(process)
@@ -156,7 +157,8 @@ class GuestProcess:
         """Send bytes; a program that has ended is ignored, as it will not answer.
 
         Raises:
-            TimeoutError: The program does not read them until a time.
+            TimeoutError: The program has not read them by the time `until` of the monotonic clock
+                [s].
         """
         for part in parts:
             rest = memoryview(part)
@@ -196,7 +198,9 @@ class GuestProcess:
         return line
 
     def end(self) -> None:
-        """End the program and all processes that it has started; a second call does nothing."""
+        """End the program and the processes that it has started, except those in a process group
+        of their own; a second call does nothing.
+        """
         self._close()
 
     def fail_ended(self, expected: str) -> NoReturn:
@@ -272,7 +276,7 @@ def _enlarge(process: subprocess.Popen[bytes]) -> None:
 
 
 def _end(process: subprocess.Popen[bytes], keeper: subprocess.Popen[bytes], goodbye: bytes) -> None:
-    """End a program and the processes that it has started, and remove its folder."""
+    """End a program and the other processes of its process group, and remove its folder."""
     assert process.stdin is not None  # a pipe
     assert process.stdout is not None  # a pipe
     with suppress(OSError):

@@ -47,7 +47,7 @@ class ProgramClient:
         self._program = JsonLines(command, seed, timeout, loading)
         gives = self._program.ready.get("gives")
         self.gives: frozenset[Gives] | None = gives_in(gives, self._program.name)
-        """What the program's first line declares that it measures; None: nothing."""
+        """What the program's first answer declares that it measures; None: it declares nothing."""
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Send the first picture, in which the target is the rectangle `region` [px] at `state`,
@@ -79,5 +79,7 @@ class ProgramClient:
             raise
 
     def _show(self, frame: Frame, more: Line) -> Line:
-        """Send a picture, with more keys of its line, and return the answer."""
+        """Send a line with a picture's size, number and time and the keys of `more`, then the
+        picture; return the program's answer.
+        """
         return self._program.show(frame.image, {"index": frame.index, "time": frame.time, **more})

@@ -36,7 +36,7 @@ class Report:
     top, width, height [px], or one turned by an angle [rad], or four corners (4, 2) [px]; whether
     it sees the target; and its confidence, 0..1. None: not reported.
 
-    Pixels are counted from the image's top left corner, and rounded to a millionth.
+    Positions are measured from the image's top left corner, and rounded to a millionth of a pixel.
     """
 
     box: Array | None = None
@@ -48,7 +48,7 @@ class Report:
     """The target's four corners (4, 2) [px], around the target from any corner on, in either
     sense."""
     seen: bool = True
-    """Whether the tracker sees the target; this word is final."""
+    """Whether the tracker sees the target, by its own account, whatever its confidence."""
     confidence: float | None = None
     """How sure the tracker is, from 0 (lost) to 1 (certain); None: it does not say."""
 
@@ -189,8 +189,8 @@ def _of_mapping(answer: Mapping[object, object], name: str) -> Report:
     """Return the report in a mapping with some of `KEYS`.
 
     Raises:
-        ValueError: A key is not one of `KEYS`, its value is not possible, or box and corners are
-            missing though the target is seen.
+        ValueError: A key is not one of `KEYS`, its value is not possible, or, though the target is
+            seen, box and corners are both missing or both given.
     """
     if unknown := [key for key in answer if key not in KEYS]:
         raise ValueError(
@@ -231,7 +231,7 @@ def _of_mapping(answer: Mapping[object, object], name: str) -> Report:
 
 
 def _number(value: object) -> float | None:
-    """Return a value as a number; None if it is not one."""
+    """Return a value as a number; None if it is not a number up to `FARTHEST`."""
     found = _numbers(value, ())
     return None if found is None else float(found)
 

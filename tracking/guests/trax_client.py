@@ -167,11 +167,15 @@ class TraxClient:
         return offered
 
     def _ask(self, expected: str, limit: float, *messages: Message) -> Message:
-        """Send messages, and return the server's answer within a limit [s], which has the expected
-        type.
+        """Send messages, and return the server's answer, a message of the type `expected`.
+
+        Args:
+            expected: Type of the answer.
+            limit: Longest wait for the answer [s].
+            *messages: The messages.
 
         Raises:
-            ValueError: The server has ended, hangs, or answers with another type.
+            ValueError: The server has ended, does not answer in time, or answers with another type.
         """
         sent = [message.line().encode() for message in messages]
         answer = self._server.ask(

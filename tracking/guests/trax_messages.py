@@ -43,10 +43,10 @@ MASK = "m"
 """First letter of a mask's text. Whole numbers follow: left, top, width, height of the part of the
 picture that it covers, and the lengths of its runs of zeros and ones, row by row, zeros first."""
 FEWEST_NUMBERS = 6
-"""Numbers of a rectangle, and fewest of a polygon."""
+"""Fewest numbers of a polygon: x, y of three corners."""
 CORNERS = 4
-"""Number of corners of a polygon that can turn a region; other polygons are replaced by their
-box."""
+"""Number of corners of the polygons whose angle can be used; other polygons are replaced by the
+upright box around them."""
 PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 BYTES = {"rgb": 3, "gray8": 1, "gray16": 2}
 """Bytes of a pixel in each format of raw pictures."""
@@ -71,8 +71,8 @@ class Message:
 
 
 def message_in(line: str) -> Message | None:
-    """Return the TraX message in a received line of text; None if the line is other output. A
-    message of the type "status", an old name, gets the type "state".
+    """Return the TraX message in a received line of text; None if the line is other output, or the
+    message's type is unknown. A message of the type "status", an old name, gets the type "state".
     """
     if not line.startswith(PREFIX):
         return None
@@ -129,7 +129,7 @@ def region_in(text: str) -> Array | None:
         None where the target is not seen: for a single number, a box of zeros or an empty mask.
 
     Raises:
-        ValueError: The text has another form.
+        ValueError: The text has another form, or its mask has numbers that are not possible.
     """
     try:
         numbers = np.array(text.removeprefix(MASK).split(","), dtype=float)
@@ -154,7 +154,7 @@ def _box_of_mask(numbers: Array) -> Array | None:
         numbers: Left, top, width, height of the mask, and the lengths of its runs.
 
     Raises:
-        ValueError: The runs do not fit the size.
+        ValueError: A number is not whole or is too large, or the runs do not fit the size.
     """
     if not (np.abs(numbers) <= FARTHEST).all() or (numbers != numbers.round()).any():  # nan is not
         raise ValueError("the mask of the region has a number that is not whole, or is too large")

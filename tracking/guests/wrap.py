@@ -78,7 +78,7 @@ class Called:
             tracker: The tracker.
             convention: How it is called.
             name: Its name, to begin messages.
-            confidence: Where its confidence is found; None: at most in its answers.
+            confidence: Where its confidence is found; None: only in its answers, if at all.
             rounds: Whether its boxes have the error of the whole numbers that `init` was given, as
                 those of OpenCV's own trackers have; the error is then taken out.
 
@@ -117,7 +117,7 @@ class Called:
 
         Raises:
             ValueError: The tracker's `update` returned something else than `report_in` accepts, or
-                its confidence is not a number from 0 to 1.
+                its confidence is missing or is not a number from 0 to 1.
         """
         report = report_in(self._tracker.update(self._picture(frame.image)), self._name)
         if self._convention == "got10k":
@@ -188,8 +188,8 @@ def convention_of(tracker: Foreign) -> Convention:
 class Wrapping:
     """A class or function that makes trackers of another author, or one such tracker; the
     convention of its methods (None: as `convention_of` finds it); where its confidence is found
-    (None: at most in its answers); its name in messages; and whether it is one of OpenCV's own
-    (`rounds`).
+    (None: only in its answers, if at all); its name in messages; and whether it is one of OpenCV's
+    own (`rounds`).
     """
 
     factory: Any
@@ -211,16 +211,17 @@ class Wrapping:
             settings: Settings with the time limits `timeout` and `loading` [s].
 
         Raises:
-            ValueError: As `called` does, or the tracker was not made within `settings.loading`.
+            ValueError: The tracker cannot be made (see `called`), or not within
+                `settings.loading`.
         """
         limits = {"timeout": settings.timeout, "loading": settings.loading}
         return TimedGuest(lambda: self.called(seed), self.name, **limits)
 
     def called(self, seed: int) -> Called:
-        """Return a tracker, ready for the first picture: a new one of the class or function, whose
-        random numbers all follow from the seed, in any process; or the tracker that `factory` is.
-        For a new one, OpenCV's random numbers and the C library's rand() are seeded in the whole
-        process.
+        """Return a tracker, ready for the first picture: a new one of the class or function, which
+        gets `seed`, or `rng` with this seed, if it has such an argument; or the tracker that
+        `factory` is. For a new one, OpenCV's random numbers and the C library's rand() are seeded
+        in the whole process.
 
         Raises:
             ValueError: The class needs arguments or makes no tracker, or the tracker's attribute
@@ -254,7 +255,7 @@ class Wrapping:
         return made, is_opencvs
 
     def _arguments(self, factory: Callable[..., Any], seed: int) -> dict[str, Any]:
-        """Return the random arguments that a class or function takes: `rng`, `seed` or none.
+        """Return, by name, those of the arguments `rng` and `seed` that a class or function has.
 
         Raises:
             ValueError: The class or function needs other arguments.
@@ -320,7 +321,7 @@ def wrap(
         convention: "opencv" (BGR, `update` gives (ok, box) or a box) or "got10k" (RGB arrays, boxes
             counted from 1); None: see `convention_of`.
         confidence: Name of the tracker's attribute or method with its confidence 0..1, or a
-            function of the tracker that returns it; None: at most its answers have one.
+            function of the tracker that returns it; None: only its answers have one, if at all.
         name: Name of the kind in results and messages; None: "module:class".
 
     Raises:

@@ -36,6 +36,8 @@ class ParticleFilter:
         """
         self.size = size = float(np.sqrt(region.area(state)))
         """Root of the target's area at the start [px]."""
+        self.unit = size / state.scale
+        """The same at scale 1 [px]."""
         self._noise = np.array([noise[0] * size, noise[0] * size, noise[1], noise[2]])
         self._rng = rng
         self.samples = np.tile(state.vector, (count, 1))

@@ -104,8 +104,8 @@ def topics_in(path: Path) -> list[Topic]:
 
 
 def messages_in(path: Path, topic: Topic) -> Iterator[tuple[float, Any]]:
-    """Yield the messages of a topic of ROS and their times [s]: the stamps of their headers, or,
-    without such a stamp, when they were recorded.
+    """Yield, for each message of a topic of ROS, its time [s] and the decoded message. The time is
+    the stamp of the message's header or, without such a stamp, when the message was recorded.
 
     Raises:
         ValueError: The bag is damaged.

@@ -127,8 +127,8 @@ def pictures_in(folder: Path) -> Path:
 
 def truths_in(folder: Path) -> list[Path]:
     """Return the truth files (true outlines of a target) in a sequence's folder, one for each
-    target, sorted by name; an empty list if it has none. For the folder of its pictures, such as
-    "img", the folder above is searched too.
+    target, sorted by name; an empty list if it has none. If `folder` is that of the pictures, such
+    as "img", and has no truth file, the folder above is searched.
 
     Raises:
         ValueError: The folder cannot be read.

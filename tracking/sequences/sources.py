@@ -43,7 +43,7 @@ class Picture:
     """
 
     name: str
-    """File name, or "frame 12"."""
+    """File name, "frame 12" or, in a bag, "message 12"."""
     time: float
     """Time since the first picture [s]."""
     image: Image | None
@@ -54,7 +54,8 @@ class Picture:
     """Time stamp of the source [ns]: of a bag, usually since 1970; of a video, as its file states
     it; None if the source has none."""
     notes: tuple[str, ...] = ()
-    """Sentences about the source for the user; all later pictures repeat them."""
+    """Sentences about the source for the user; all later pictures that can be decoded repeat
+    them."""
     came: datetime | None = None
     """Date and time at which the picture of a camera or stream came; None for other sources."""
     damaged: bool = False
@@ -94,8 +95,9 @@ class Source(Protocol):
 
     @property
     def end(self) -> End | None:
-        """Report on missing, dropped or damaged pictures of the last iteration, or of a stream so
-        far; None if all pictures were read.
+        """Report on the pictures of the last iteration, or of a stream so far, such as missing,
+        dropped or damaged ones; None: there is nothing to report. A picture of a folder or a bag
+        that cannot be decoded is not reported here, but has no image.
         """
 
     def __iter__(self) -> Iterator[Picture]: ...
@@ -238,8 +240,8 @@ def _gaps(files: Sequence[Path]) -> list[str]:
     list.
 
     Numbers are missing where the step between two names exceeds the most common step. Names that
-    differ in more than one number, or whose steps mostly differ (as time stamps do), are not
-    judged.
+    differ in more than one number or in their other characters, or whose steps mostly differ (as
+    time stamps do), are not judged.
     """
     if len({tuple(NUMBER.split(file.stem)) for file in files}) > 1:
         return []

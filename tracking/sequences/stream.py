@@ -135,7 +135,7 @@ class LiveSource:
                 self._given += 1
                 yield replace(picture, time=times.since_first(picture.stamp), stamp=None)
             if not self._given:
-                reason = self._broken or "there are no pictures in it"
+                reason = self._broken or "there are no pictures in it: check what it sends"
                 raise ValueError(f"{self.name}: {reason}")
             self._over = True
         finally:
@@ -205,7 +205,8 @@ def _stream(address: str) -> Generator[Feed]:
     """Open a stream for the block.
 
     Raises:
-        SourceLost: The stream cannot be opened, or is not one video.
+        SourceLost: The stream cannot be opened, or does not hold exactly one video that can be
+            decoded.
     """
     scheme, _, place = address.partition(":")
     scheme = scheme.lower()
@@ -263,13 +264,16 @@ def _camera(number: int) -> Generator[Feed]:
     """Open a camera for the block.
 
     Raises:
-        SourceLost: There is no such camera.
+        SourceLost: There is no such camera, or it cannot be opened.
     """
     with silent_libraries():
         capture = cv2.VideoCapture(number)
     try:
         if not capture.isOpened():
-            raise SourceLost("there is no such camera")
+            raise SourceLost(
+                "there is no such camera, or it cannot be opened: check its number and its cable, "
+                "and that no other program uses it"
+            )
         yield Feed(_captured(capture))
     finally:
         capture.release()

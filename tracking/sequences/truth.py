@@ -87,7 +87,8 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
     pictures without the target.
 
     The target is absent if all numbers of a line are nan or missing, if the line is VOT's 0, if its
-    box has width and height 0, and, in LaSOT's layout, in the frames that two other files mark.
+    box has width and height 0 (not in TLD's format), and, in LaSOT's layout, in the frames that two
+    other files mark.
 
     Args:
         path: The truth file, with a line for each picture.
@@ -95,11 +96,12 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
             in GOT-10k's and LaSOT's layouts, VOT for other groundtruth*.txt and for lines of eight
             numbers, TLD for gt.txt and init.txt; a file of another name is read as VOT, unless all
             its lines of four numbers could also be TLD.
-        count: Number of pictures; a truth of many more lines is not parsed. None: unknown.
+        count: Number of pictures; a truth of more than twice as many lines is refused. None:
+            unknown.
 
     Raises:
-        ValueError: The file cannot be read or has too many lines, a line does not fit the format,
-            or AUTO cannot decide.
+        ValueError: The file cannot be read or has no line or too many, a line does not fit the
+            format, AUTO cannot decide, or LaSOT's two files do not fit.
     """
     lines = reading.text(path, "truth", LARGEST_FILE).rstrip().splitlines()
     if not lines:
@@ -330,6 +332,7 @@ def _of_csv(lines: list[str], path: Path) -> Array:
 
     Raises:
         ValueError: Columns are missing, a line does not fit the header, or there is no line.
+        csv.Error: The lines are not valid CSV.
     """
     header, *table = csv.reader(lines, skipinitialspace=True, strict=True)
     names = [name.strip() for name in header]

@@ -70,7 +70,8 @@ class Video:
         """Return the source of a video file, which is read for its rate and number of frames.
 
         Raises:
-            ValueError: The file cannot be read, or does not hold exactly one video.
+            ValueError: The file cannot be read, does not hold exactly one video that can be
+                decoded, or states no rate from 0.01 to 10,000 frames/s.
         """
         with reading.opened(path, "video") as file, printed_by_ffmpeg() as printed:
             try:
@@ -107,7 +108,9 @@ class Video:
         return (np.sort(stamps) - stamps.min(initial=np.inf)) * unit
 
     def __iter__(self) -> Iterator[Picture]:
-        """Yield all frames; those that are missing at the end of a cut file have no image."""
+        """Yield all frames; those that are missing at the end of a cut file, at most 100, have no
+        image.
+        """
         return timed(self._frames(), self.rate)
 
     def _frames(self) -> Iterator[Picture]:
@@ -172,7 +175,7 @@ def _rgb(
     frame: av.VideoFrame, matrix: Matrix, depth: BitDepth, reformatter: VideoReformatter
 ) -> Image | None:
     """Return a frame as RGB (H, W, 3), read-only, turned and mirrored by a display matrix; None if
-    the frame cannot be decoded.
+    the frame cannot be decoded or is too large.
     """
     try:
         check_size(frame.width, frame.height)

@@ -38,7 +38,8 @@ class McNemar:
 
     @staticmethod
     def of(first: Array, second: Array) -> "McNemar":
-        """Return the test of two scores (n,) of the same sequences; the higher score is a success.
+        """Return the test of the scores (n,) of two methods on the same n sequences; on each, the
+        method with the higher score succeeds, and equal scores are a tie.
 
         >>> McNemar.of(np.array([1, 1, 1, 1, 0]), np.array([0, 0, 0, 0, 1])).p
         0.375
@@ -79,9 +80,9 @@ class Interval:
     value: float
     low: float
     high: float
-    """Upper end; both ends are nan if there is one unit only, or a score that is not finite."""
+    """Upper end; both ends are nan if the interval is unknown, as that of the mean of one score."""
     units: int = 0
-    """Number of independent scores; 0: unknown."""
+    """Number of independent repetitions; 0: unknown."""
 
     @property
     def known(self) -> bool:
@@ -92,12 +93,13 @@ class Interval:
 def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Interval:
     """Return the mean of the scores (n,) of n independent repetitions, with its 95 % interval.
 
-    With the bounds 0 and 1, scores that are all 0 or 1, or equal, are a share: Wilson's interval.
-    Others: Student's t with its skewness removed by the cubic transformation of Hall (On the
-    removal of skewness by transformation, 1992, with a = 1/3, b = 1/6). One score, or one that is
-    not finite, has no interval; other equal scores have one without width. The interval covers 93
-    to 97 % from n = 10 on (tests/test_statistics.py), but of a lognormal of sigma 1 only 89 %, and
-    a single share 90 to 98 %, because counts jump.
+    If the bounds are 0 and 1, and the scores are all 0 or 1, or all equal, their mean is a share
+    and gets Wilson's interval. Other equal scores get an interval without width. All others get
+    Student's t interval, corrected for the scores' skewness by the cubic transformation of Hall (On
+    the removal of skewness by transformation, 1992, with a = 1/3, b = 1/6). Both ends are nan for a
+    single score, and if a score is not finite. The interval contains the true mean in 93 to 97 % of
+    cases from n = 10 on (tests/test_statistics.py), but in only 89 % for a lognormal distribution
+    of sigma 1, and in 90 to 98 % for a share, because counts are whole numbers.
 
     Args:
         scores: One score for each repetition; several measurements in one must be averaged before.
@@ -128,8 +130,8 @@ def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Inte
 
 
 def mean_percent(shares: Array) -> Interval:
-    """Return the mean of shares (n,), 0 to 1, one for each of at least one independent repetition,
-    in percent with its 95 % interval.
+    """Return the mean of the shares (n,), 0 to 1, of n independent repetitions, at least one, in
+    percent with its 95 % interval.
     """
     return in_percent(mean_of(shares, least=0.0, most=1.0))
 

@@ -12,7 +12,9 @@ class Finding(Enum):
 
     HOLDS = "holds: the whole interval is on the claim's side of the bound"
     DOES_NOT_HOLD = "does not hold: the whole interval is on the other side of the bound"
-    UNDECIDED = "undecided: the interval contains the bound, or there are too few units for one"
+    UNDECIDED = (
+        "undecided: the interval contains the bound, or there are too few units for an interval"
+    )
 
 
 def not_worse(difference: Interval, margin: float) -> Finding:

@@ -21,10 +21,11 @@ def _adapted(found: object) -> type[Any] | None:
     # Imported only now: `servobench list` only looks at files.
     from tracking.guests.wrap import is_foreign, wrap
 
+    own = plain_config(found, "start", "update")
     is_function = callable(found) and not isinstance(found, type)
-    if is_foreign(found) or is_function:
+    if is_foreign(found) or (is_function and own is None):
         return wrap(found)
-    return plain_config(found, "start", "update")
+    return own
 
 
 def general_kinds() -> list[str]:

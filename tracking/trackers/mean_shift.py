@@ -122,6 +122,7 @@ class MeanShift:
         check_region(frame, region, state)
         self._model = self._settings.model(frame.image, region, state)
         self._size = float(np.sqrt(region.area(state)))
+        self._unit = self._size / state.scale
         self._state = state
         self._loss = LossJudge(DISC_LIMITS)
         self._velocity = Velocity(state, self._settings.velocity_memory)
@@ -186,5 +187,5 @@ class MeanShift:
         """Return eight states (8, 4) on a ring around the expected one (4,), at twice the target's
         radius: together they cover nine times its area.
         """
-        ring = self._size * np.exp(begin[3]) * NEIGHBOURS
+        ring = self._unit * np.exp(begin[3]) * NEIGHBOURS
         return begin + np.column_stack([ring.real, ring.imag, np.zeros((8, 2))])

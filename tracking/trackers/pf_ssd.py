@@ -165,7 +165,7 @@ class PfSsd(ParticleTracker):
             if not ends_there:
                 return state, self._cloud.covariance(), distance, evaluations
         elif self._recogniser is None:
-            jump = self._velocity.jump(end.state, self._cloud.size)
+            jump = self._velocity.jump(end.state, self._cloud.unit)
             self._status = self._loss.judge(end.distance, time, jump)
             ends_there = self._status is Status.LOCKED
             distance = end.distance

@@ -1,3 +1,3 @@
-"""Rerun recordings of runs and tracks: writing, reading, drawing, viewing. This is the only folder
-that imports rerun.
+"""Rerun recordings of runs, tracks and replays: writing, reading, drawing, viewing. No other code
+of servobench imports rerun, except for one of its examples.
 """

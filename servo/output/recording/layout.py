@@ -9,7 +9,7 @@ from servo.output.room_view import EYE, LOOKS_AT
 IMAGE = "world/eye/image"
 """Entity of the camera's picture in the recording of a run."""
 PICTURE = "image"
-"""The same in the recording of a track, which has no room."""
+"""Entity of the picture in the recording of a track, which has no room."""
 REPLAY = {
     "recorded": "Film",
     "drawn": "Simulation at the recorded posture",
@@ -18,7 +18,7 @@ REPLAY = {
 """Entities of the pictures of a replay, with their titles."""
 UP = (0, 0, 1)
 VELOCITY = "Velocity [m/s]: x red, y green, z blue; measured darker"
-"""Title with the colours of a twist: a legend of its six lines would be higher than the plot."""
+"""Title that names the colours of the six lines: a legend would be higher than the plot."""
 
 
 def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
@@ -96,8 +96,9 @@ def blueprint_of_track() -> rrb.Blueprint:
 
 
 def blueprint_of_replay() -> rrb.Blueprint:
-    """Return the viewer's layout of a replay: its three pictures side by side, and below them the
-    median difference over time [grey levels].
+    """Return the layout in Rerun's viewer of the recording of a replay (a recorded film drawn again
+    by the simulation): the recorded picture, the drawn one and their difference side by side, and
+    below them the median difference over time [grey levels].
     """
     pictures = [rrb.Spatial2DView(origin=name, name=title) for name, title in REPLAY.items()]
     curve = rrb.TimeSeriesView(origin="plots/difference", name="Median difference [grey levels]")

@@ -1,4 +1,4 @@
-"""Live viewers of a Rerun recording: its window, or a page in a browser.
+"""Live viewers of a Rerun recording: Rerun's window, or a page in a browser.
 
 A second process serves the logged data on 127.0.0.1. A viewer can therefore be closed and opened
 again, and gets everything whenever it connects. The second process ends with this one.

@@ -18,7 +18,7 @@
 | plots/tilt | optical axis against straight down [deg] |
 | plots/distance, plots/ess | distance in appearance; effective sample size |
 | plots/ms | stage times |
-| events | occluded, lost, coasting, searching, found again, saturated (which limits) |
+| events | events of the run (`servo.loop.events`), such as that the target is lost |
 
 Timelines: `frame` and `sim_time`. Data is sent in columns, pictures ten at a time and the rest once
 a second, because log calls for each entity and frame would take half as long as rendering.
@@ -46,12 +46,13 @@ from tracking.drawing.colours import ESTIMATE, GOAL, PARTICLES, TRUTH
 from tracking.drawing.picture_bytes import encoded, encoded_depth
 
 JPEG_QUALITY = 80
-"""A recording is looked at, not measured on; a frame has 14 kB."""
+"""Quality of the pictures, 0..100: a recording is looked at, not measured on. A picture has about
+14 kB."""
 MILLIMETRES = 1000.0
 """Units of a depth picture in a metre."""
 GREY = (130, 130, 140)
 VIOLET = (165, 110, 230)
-"""Truth in plots, whose background may be white, as truth is on pictures."""
+"""Colour of the truth in plots (RGB): its white on pictures could not be seen on a white plot."""
 XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
 PALETTE = (*XYZ, PARTICLES, VIOLET, GREY, ESTIMATE, GOAL)
 PATH_RADIUS = 0.004
@@ -85,9 +86,9 @@ class Lines:
 
 
 class RerunLog:
-    """Sink (receiver of the steps of a run) that writes pictures, poses, plots and events of each
-    step of an episode into a Rerun recording, at least about once in `every` seconds of the wall
-    clock.
+    """Sink (receiver of the steps of a run) that writes pictures, outlines, poses, plots and events
+    of each step of an episode into a Rerun recording, about once in `every` seconds of the wall
+    clock or more often.
     """
 
     def __init__(self, recording: Recording, episode: Episode, every: float = 1.0) -> None:

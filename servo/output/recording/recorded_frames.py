@@ -35,13 +35,13 @@ class RecordedFrame:
     """
 
     time: float
-    """Simulated [s]."""
+    """Simulated time [s]."""
     image: Image
     """RGB (H, W, 3)."""
     truth: Array
-    """Corners (4, 2) of the target [px]; nan if there are none."""
+    """True corners (4, 2) of the target [px]; nan if they were not logged."""
     estimate: Array
-    """Corners (4, 2) of the estimate [px]; nan if there are none."""
+    """Estimated corners (4, 2) of the target [px]; nan if they were not logged."""
 
 
 def pictures(path: Path, count: int) -> list[RecordedFrame]:

@@ -13,7 +13,9 @@ from tracking.drawing.picture_bytes import encoded
 
 
 class ReplayLog:
-    """Sink that writes the pictures of a replay into a Rerun recording."""
+    """Writer of a replay (the pictures of a film, each beside the simulation's picture at the same
+    posture of the robot) into a Rerun recording.
+    """
 
     def __init__(self, recording: Recording, every: float = 1.0) -> None:
         """Begin a recording.

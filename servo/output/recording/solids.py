@@ -25,9 +25,9 @@ KINDS = {
     mujoco.mjtGeom.mjGEOM_MESH: "mesh",
 }
 UNSET = (0.5, 0.5, 0.5, 1.0)
-"""The colour of a geom that has none of its own; its material's holds then."""
+"""RGBA of a geom without a colour of its own: it has the colour of its material, if it has one."""
 LARGEST_SIDE = 800
-"""Of a larger picture only every second pixel is taken, or every third [px]."""
+"""Longest side of a texture [px]; of a larger one only every second, third, ... pixel is taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,8 @@ class Shape:
     kind: str
     """box, ellipsoid, cylinder, capsule or mesh; a box with a picture is a mesh."""
     size: Array
-    """Half sizes (3,) of a box or ellipsoid; else radius, half length, and an unused value [m]."""
+    """(3,) [m]: half sizes of a box or ellipsoid; radius, half length and an unused value of a
+    cylinder or capsule; unused for a mesh."""
     pose: Pose
     """Pose of the geom in the body's frame; the axis of cylinders and capsules is z."""
     rgba: Array
@@ -73,8 +74,8 @@ class Shape:
 
 
 def shapes_of(model: mujoco.MjModel) -> list[Shape]:
-    """Return all visible boxes, spheres, ellipsoids, cylinders, capsules and meshes of a MuJoCo
-    model, except for the walls, which would hide the scene.
+    """Return all boxes, spheres, ellipsoids, cylinders, capsules and meshes of a MuJoCo model that
+    are in a visible group of geoms, except for the walls, which would hide the scene.
     """
     found: list[Shape] = []
     for g in range(model.ngeom):
@@ -96,8 +97,8 @@ def shapes_of(model: mujoco.MjModel) -> list[Shape]:
 def _appearance(model: mujoco.MjModel, g: int, kind: str) -> tuple[Array, Surface | None]:
     """Return colour RGBA (4,), 0..1, and surface of geom `g`.
 
-    Only meshes, and boxes with a flat texture, have a surface. A texture that cannot be drawn is
-    replaced by its mean colour.
+    Only meshes, and boxes with a flat texture, have a surface; that of other geoms is None. The
+    colour of a geom whose texture cannot be drawn is multiplied by the mean of the texture.
     """
     rgba = model.geom_rgba[g].astype(float)
     material = model.geom_matid[g]

@@ -1,4 +1,6 @@
-"""Shows the file of a Rerun recording in Rerun's window, or draws it into a PNG file."""
+"""Functions that show the file of a Rerun recording in Rerun's window, or draw it into a PNG
+file.
+"""
 
 import socket
 import subprocess
@@ -87,7 +89,7 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
             while not viewer.get_state().views:
                 if time.monotonic() > end:
                     late = f"the viewer did not load this recording within {LOADED_WITHIN:g} s"
-                    raise Mistake(f"{path}: {late}")
+                    raise Mistake(f"{path}: {late}; on a busy machine, try again")
                 time.sleep(POLL)
             viewer.set_time("sim_time", duration=at, play_state="paused")
             time.sleep(DRAWN_AFTER)

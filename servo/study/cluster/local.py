@@ -19,7 +19,7 @@ from servo.study.cluster.tasks import ONE_THREAD, Cluster, Patience, reason, sil
 
 LOOPBACK = "127.0.0.1"
 SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
-"""Environment variables of a worker, without logs: errors are returned with the task."""
+"""Environment variables that turn off a worker's logs: errors are returned with the task."""
 WORKER_BYTES = 300e6
 """Peak memory of a worker that renders [bytes]."""
 WORKERS_A_CORE = 8

@@ -38,22 +38,24 @@ SETTINGS = {
     "distributed.admin.system-monitor.gil.enabled": False,
 }
 ONE_THREAD = {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-"""Environment variables of a worker, which give each one thread: workers share the processors."""
+"""Environment variables of a worker that limit OpenGL in software and numerical libraries to one
+thread, because the workers share the processors."""
 LOGGERS = ("distributed", "distributed.client", "tornado", "asyncio")
 
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
     """A running Dask cluster: its client, its name in messages, and a function (`watch`) that is
-    called with its number of workers about twice a second, and raises ClusterLost if no worker
-    comes.
+    called with its number of workers about twice a second or more often, and raises ClusterLost if
+    no worker comes.
     """
 
     client: Client
     name: str
     """Name of the cluster in messages."""
     watch: Callable[[int], None]
-    """Is called every `TICK` with the number of workers; raises ClusterLost if no worker comes."""
+    """Is called with the number of workers when tasks end, and after each `TICK` in which none
+    ends; raises ClusterLost if no worker comes."""
 
     def workers(self) -> int:
         """Return the present number of the cluster's workers.
@@ -186,7 +188,7 @@ def _result(future: Future[Done | Failure], name: str) -> Done | Failure:
 
 def _work_alone(work: Callable[[Task], Done], task: Task) -> Done | Failure:
     """Do a task in this worker process, with one thread for numerical libraries and without the
-    notices that the process which began the study has printed.
+    notices that the process which began the study has printed; return the result or the failure.
     """
     for name, value in ONE_THREAD.items():
         os.environ.setdefault(name, value)

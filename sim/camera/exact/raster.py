@@ -18,19 +18,20 @@ Indices = NDArray[np.int64]
 Numbers = NDArray[np.int16]
 Singles = NDArray[np.float32]
 Line = tuple[int, int, int, int, int, int, int, bool]
-"""A line in a level of a texture: offset of the level in the array of all texels, its width and
-height [texel]; place from the left and its change from a pixel to the next, place from the top and
-its change [1/65536 texel]; and whether the line leaves the level, which then repeats."""
+"""The line in a mipmap level of a texture on which the pixels of a row of the picture lie: offset
+of the level in the array of all texels, its width and height [texel]; column of the first pixel and
+its change from a pixel to the next, row and its change [1/65536 texel]; and whether the line leaves
+the level, which then repeats."""
 
 SEGMENT = 32
 """Pixels of a row along which texture coordinates are interpolated linearly; a division for each
 pixel costs twice as much, and the difference cannot be seen."""
 FINE_SEGMENT = 8
-"""The same where textures are drawn finely: a tilted tag's corners are then found as well as in
+"""`SEGMENT` where textures are drawn finely: a tilted tag's corners are then found as well as in
 OpenGL's pictures."""
 NO_AREA = 1e-9
-"""Smallest area of a triangle that is drawn [px^2]; a smaller one covers the middle of a pixel only
-by rounding."""
+"""Twice the area of the smallest triangle that is drawn [px^2]; a smaller one covers the middle of
+a pixel only by rounding."""
 
 # Columns of a corner: position in the camera's frame [m], colour, texture coordinates, position in
 # the picture [px], and 1 / z [1/m].
@@ -189,8 +190,9 @@ def edges_of(corners: Array, found: Array) -> None:
 
     Args:
         corners: The triangle's corners (3, 11), projected by `project`.
-        found: Written (3, 4): for each edge v of its upper and of its lower end [px], u of its
-            upper end [px], and the change of u by v (inf or nan for a horizontal edge).
+        found: The edges (3, 4), written: for each edge the v of its upper end, the v of its lower
+            end, and the u of its upper end [px], and the change of u by v (inf or nan for a
+            horizontal edge).
     """
     for i in range(3):
         a = i
@@ -539,7 +541,8 @@ def draw(
     nearness: Singles,
     shown: Numbers,
 ) -> None:
-    """Draw bodies (a scene's geoms, and its sky) into a picture, in a given order.
+    """Draw bodies (a scene's geoms, and its sky) into a picture, in a given order. Triangles that
+    the camera sees from their back are left out.
 
     Args:
         order: Numbers of the bodies to draw; the nearest first is fastest.
@@ -562,7 +565,7 @@ def draw(
         levels: Levels of each texture (t, n, 4): offset in `texels`, width, height, number of
             levels.
         fine: Whether textures are drawn finely: see `fill`.
-        image: The picture (H, W, 3), written.
+        image: The picture, RGB (H, W, 3), written.
         nearness: Depth buffer of 1 / z (H, W) [1/m], at first zeros; written.
         shown: Number of the body that each pixel shows (H, W), written.
     """

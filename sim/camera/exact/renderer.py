@@ -1,8 +1,8 @@
 """The software renderer: it needs no graphics driver, and gives the same pictures on every machine.
 
 It draws geoms and sky with the shapes, lights and textures of MuJoCo's own renderer, but without
-reflections, haze, translucence and the shadows of lamps. As in MuJoCo, light is computed at the
-corners of triangles.
+reflections, haze, translucence and the shadows of lamps, and with the mean colour of a cube map in
+its place. As in MuJoCo, light is computed at the corners of triangles.
 """
 
 from collections.abc import Callable
@@ -79,14 +79,16 @@ class ExactRenderer:
         bodies = np.repeat(np.arange(len(solids)), 3 * counts)
         rows, numbers = np.unique(np.column_stack([bodies, every]), axis=0, return_inverse=True)
         self._rows = rows[:, 1:].astype(float)
-        """Corners that differ: place, normal, place in the texture (n, 8)."""
+        """The different corners of each body: position [m], normal and texture coordinates in the
+        body's frame (n, 8)."""
         self._first_row = np.searchsorted(rows[:, 0], np.arange(len(solids) + 1))
         self._faces = numbers.reshape(-1, 3)
-        """Corners of each triangle."""
+        """Rows of `_rows` of the corners of each triangle (f, 3)."""
         self._first_face = np.concatenate([[0], np.cumsum(counts)])
         plane = face_normals(every[:, :3])
         self._planes = np.column_stack([plane, np.sum(plane * every[::3, :3], axis=1)])
-        """Of each triangle's plane normal and distance, both times twice its area (n, 4)."""
+        """Normal and distance of each triangle's plane in the body's frame, both multiplied by
+        twice the triangle's area (f, 4)."""
         self._radii = np.array([np.linalg.norm(s[:, :3], axis=1).max(initial=0) for s in solids])
         self._rgba, self._shine = _looks(model)
         visible = mujoco.MjvOption().geomgroup[model.geom_group] * model.geom_rgba[:, 3] > 0
@@ -94,7 +96,7 @@ class ExactRenderer:
         self._backdrop = Backdrop(model, view)
         self._before_table = self._is_shown.copy()
         self._before_table[[*self._backdrop.floor, model.ngeom]] = False
-        """Bodies to draw where the table hides floor and sky."""
+        """Mask of the bodies to draw where the table hides floor and sky."""
         self._table = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, TABLE)
         """Id of the table's geom; -1: the scene has none."""
         casts = self._is_shown[:-1] & (np.arange(model.ngeom) != self._table) & shaded
@@ -146,7 +148,8 @@ class ExactRenderer:
         drawn: NDArray[np.bool_],
         read: Callable[[Image], T] = lambda image: image,
     ) -> Future[T]:
-        """Begin a picture of the geoms that `drawn` (n,) selects, as they are in `data`.
+        """Begin a picture of the bodies (geoms, and last the sky) that the mask `drawn` (n,)
+        selects, as they are in MuJoCo's state `data`.
 
         Returns:
             Future of the result of `read`, a function that is called with the picture.
@@ -205,7 +208,13 @@ class ExactRenderer:
         return read(image)
 
     def _shaded(self, places: tuple[Array, Array], eye: Pose, image: Image) -> Image:
-        """Draw the shadows of things at some places into a picture, and return it."""
+        """Draw the shadows of things into a picture, and return the picture.
+
+        Args:
+            places: Rotations (n, 3, 3) and middles (n, 3) [m] of the things' boxes in the world.
+            eye: Pose T_world_camera of the camera.
+            image: The picture, RGB (H, W, 3), written.
+        """
         shadows.shade(
             image,
             self._shown,
@@ -248,7 +257,15 @@ def _looks(model: mujoco.MjModel) -> tuple[Array, Array]:
 
 
 def _lights(model: mujoco.MjModel, data: mujoco.MjData, to_camera: Array, eye: Array) -> Array:
-    """Return the active lights (n, 21) in the camera's frame, with the columns of `raster`."""
+    """Return the active lights (n, 21), the headlight included, in the camera's frame, with the
+    columns that `raster.lit` lists.
+
+    Args:
+        model: The scene.
+        data: MuJoCo's state of the scene.
+        to_camera: Rotation R_camera_world (3, 3).
+        eye: Position of the camera in the world (3,) [m].
+    """
     on = model.light_active.astype(bool)
     is_near = model.light_type[on] != mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
     along = data.light_xdir[on] @ to_camera.T
@@ -274,7 +291,9 @@ def _lights(model: mujoco.MjModel, data: mujoco.MjData, to_camera: Array, eye: A
 
 
 def _picture(model: mujoco.MjModel, texture: int) -> Image:
-    """Return a texture's pixels (h, w, 3); of a cube map, which is not drawn, its mean colour."""
+    """Return a texture's pixels, RGB (h, w, 3); in place of a cube map, which is not drawn, one
+    pixel (1, 1, 3) of its mean colour.
+    """
     picture = picture_of(model, texture)
     if model.tex_type[texture] == mujoco.mjtTexture.mjTEXTURE_CUBE:
         picture = picture.mean(axis=(0, 1), keepdims=True).astype(np.uint8)

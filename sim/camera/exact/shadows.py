@@ -22,13 +22,14 @@ WIDTH = 1.8
 FLAT = 0.3
 """Height of a thing, relative to half its width, from which on its shadow is darkest."""
 NEAREST = 0.01
-"""Least depth of the table at which it is projected into the picture [m]."""
+"""If a corner of a shadow's bounding rectangle is nearer along the optical axis than this [m], all
+pixels of the picture are looked at."""
 
 
 @dataclass(frozen=True, slots=True)
 class Things:
-    """The things of a MuJoCo model that may cast a shadow: each body but the world, and each geom
-    of the world, as a box around its geoms.
+    """The things of a MuJoCo model that may cast a shadow, each as a box: every body but the world,
+    with a box around its geoms, and every geom of the world.
     """
 
     frames: NDArray[np.int64]
@@ -160,7 +161,9 @@ def shade(
     eye: Array,
     view: Array,
 ) -> None:
-    """Darken the table in a picture below the things on it. The table's top is the plane z = 0.
+    """Darken the table in a picture below the things on it. The table's top is the plane z = 0. A
+    shadow gets weaker with the gap between thing and table, and vanishes where the gap is half the
+    thing's width.
 
     Args:
         image: The picture, RGB (H, W, 3), written.

@@ -13,9 +13,10 @@ used (MuJoCo's rule); otherwise the face's is used, which keeps the edges of mes
 REACH = 2.0
 """Half a side of the drawn part of an infinite plane, relative to the far clipping distance."""
 NO_AREA = 1e-12
-"""Area below which a triangle is left out, as those at a pole [m^2]."""
+"""Twice the area below which a triangle of a surface of revolution is left out, such as those at a
+pole, before the surface is scaled."""
 CYLINDER = np.array([[0, -1], [1, -1], [1, -1], [1, 1], [1, 1], [0, 1]], float)
-"""Radius and height of a cylinder's profile (6, 2), with each edge twice."""
+"""Radius and height of the points of a cylinder's profile (6, 2), with each rim twice."""
 CYLINDER_NORMALS = np.array([[0, -1], [0, -1], [1, 0], [1, 0], [0, 1], [0, 1]], float)
 TOP = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], float)
 """The upper face of a box."""
@@ -30,8 +31,8 @@ SKY = np.array(
     ],
     float,
 )
-"""For each face of the sky's cube, in the order of its pictures: the direction to its middle, and
-those of its picture's rows and columns, in the world (6, 3, 3)."""
+"""For each face of the sky's cube, in the order of its pictures, three directions in the world (6,
+3, 3): to the face's middle, along the rows of its picture to the right, and down its columns."""
 
 
 Solid = Array
@@ -53,8 +54,9 @@ def solids_of(model: mujoco.MjModel) -> list[Solid]:
 
 def sky_of(side: int, far: float) -> Solid:
     """Return the 12 triangles of the sky, the inside of a cube around the camera along the world's
-    axes, as an array (36, 8): a row for each corner, with position [m] relative to the camera, unit
-    normal and texture coordinates.
+    axes, as an array (36, 8): a row for each corner, with position [m] relative to the camera, a
+    normal towards the camera (not of unit length, as the sky shines by itself), and texture
+    coordinates.
 
     Args:
         side: Side [px] of each of the six pictures of the cube's faces, which lie one below the
@@ -149,7 +151,8 @@ def _turned(points: Array, normals: Array, slices: int) -> Surface:
     """Return the surface of revolution of a profile around the z axis.
 
     Args:
-        points: Radius and height of the profile, upwards with the outside on the right (n, 2) [m].
+        points: Radius and height of the profile's points (n, 2), upwards with the outside on the
+            right.
         normals: Normals of the profile at these points (n, 2).
         slices: Number of pieces of a turn.
     """
@@ -187,8 +190,9 @@ def _mesh(model: mujoco.MjModel, geom: int) -> Solid:
 
 
 def _mapped(model: mujoco.MjModel, geom: int, size: Array, corners: Array) -> Array:
-    """Return texture coordinates (n, 2) from positions on the body (n, 3): the picture begins at
-    the smallest x and the largest y.
+    """Return the texture coordinates (n, 2) of positions on a geom (n, 3), given in the geom's
+    frame: the picture begins at the smallest x and the largest y. They are zeros if the geom has no
+    texture.
     """
     if texture_of(model, geom) < 0:
         return np.zeros((len(corners), 2))

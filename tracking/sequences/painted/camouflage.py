@@ -19,12 +19,14 @@ from tracking.sequences.painted._painting import HEIGHT, WIDTH, blotches
 from tracking.sequences.painted.texture import SIZE
 
 COARSE = 6.0
+"""Size of the ground's blotches for a spread of colours [px]."""
 FINE = 1.2
+"""Size of the blotches of car and gravel [px]."""
 SPREAD = 20.0
-"""Standard deviation of the colours of ground, car and gravel [grey levels]; above it, the size of
-the ground's blotches and of those of car and gravel [px]."""
+"""Standard deviation of the colours of ground, car and gravel for a spread of colours [grey
+levels]."""
 OTHER = 70.0
-"""Distance of the gravel's colour from the car's (Euclidean, RGB)."""
+"""Distance of the gravel's mean colour from the car's for a spread of colours (Euclidean, RGB)."""
 BIN = 32
 """Width of one of 8 colour bins a channel [grey levels]."""
 SHADE = 9.0

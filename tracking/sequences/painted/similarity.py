@@ -56,7 +56,8 @@ class Config:
     hidden: Annotated[int, Ge(0), Le(100)] = 11
     """Number of frames in which the target is fully hidden."""
     away: Annotated[int, Ge(0), Le(100_000)] = 0
-    """Number of frames in which the target is out of the picture."""
+    """Number of frames in which the target is out of the picture, without those in which it leaves
+    and comes back; 0: it never leaves."""
     noise: Annotated[float, Ge(0), Le(100)] = 3.0
     """Standard deviation of the noise of the pictures [grey levels]."""
 

@@ -21,13 +21,13 @@ from tracking.types import Region, State
 REGION = Region(56.0, 32.0)
 SIZE = (round(REGION.width), round(REGION.height))
 ROAD = 24.0
+"""Size of the road's blotches [px]: a smooth texture."""
 SHADE = 14.0
-"""Standard deviation of the road's colours [grey levels]; above it, the size of its blotches [px]:
-a smooth texture."""
+"""Standard deviation of the road's colours [grey levels]: a weak texture."""
 GRAIN = 1.4
+"""Size of the car's blotches [px]: a fine texture."""
 RELIEF = 34.0
-"""Standard deviation of the car's colours [grey levels]; above it, the size of its blotches [px]: a
-fine, strong texture."""
+"""Standard deviation of the car's colours [grey levels]: a strong texture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +41,9 @@ class Config:
     zoom: Annotated[float, Ge(1), Le(3)] = 1.6
     """Largest scale of the car; its smallest scale is the inverse."""
     speed: Annotated[float, Ge(0), Le(50)] = 6.0
-    """Largest speed on a circle [px per frame]; on the long sides of the curve it is up to a fifth
-    higher. The car also stands still."""
+    """Largest speed [px per frame], as if the ellipse that the car follows were a circle of its
+    mean radius; on the ellipse the speed is up to 22 % higher or lower. The speed rises and falls,
+    down to a standstill."""
     noise: Annotated[float, Ge(0), Le(100)] = 2.0
     """Standard deviation of the noise of the pictures [grey levels]."""
 
