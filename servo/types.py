@@ -253,7 +253,8 @@ class Command:
     mode: Mode = Mode.SERVOING
     """What the controller is doing."""
     trace: Trace | None = None
-    """Intermediate results; None for a controller without features."""
+    """Intermediate results. None: the loop records the measured features and their errors, if the
+    controller does not act on pictures."""
     limits: tuple[str, ...] = ()
     """Names of the limits that changed the twist, where the controller knows them, such as "view
     left", "joint 2" or "speed"."""

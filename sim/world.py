@@ -305,9 +305,11 @@ class World:
                 self.data.ctrl[:] = self._known.driven(rates, self._hold)
             mujoco.mj_step(self.model, self.data, until - k)
         if self.data.warning.number[UNSTABLE].any():
+            fastest = np.linalg.norm(np.reshape(each, (-1, 2, 3)), axis=2).max(axis=0)
             raise Unstable(
-                "the simulation became unstable: drives or masses are too extreme for "
-                "world.physics_rate; raise that rate"
+                "the simulation became unstable, at commanded camera twists of up to "
+                f"{fastest[0]:.3g} m/s and {fastest[1]:.3g} rad/s: limit the law's twists if these "
+                "are too fast, else raise world.physics_rate, which is too low for drives or masses"
             )
         self._frames += 1
         self._accepted = np.add.reduce(accepted) / len(accepted)  # `mean` takes three times as long

@@ -122,9 +122,10 @@ def test_a_study_says_it_of_its_own_bounds(tmp_path, capsys, monkeypatch):
     assert "servo_rms_px = 1" not in said
 
 
-def test_a_run_that_is_too_short_has_one_line_also_for_when_it_settles():
+def test_a_run_that_is_too_short_has_a_line_of_its_own_for_when_it_settles():
     measures = {"servo_rms_px": np.nan, "settle_s": np.inf}
     missed = missed_bounds("TIMED_OUT", measures, {"servo_rms_px": 1.0, "settle_s": 1.0})
     assert missed_lines(missed, measures) == [
-        "servo_rms_px, settle_s: no value, because the run ended before measure.after"
+        "settle_s is not finite, expected at most 1",
+        "servo_rms_px: no value, because the run ended before measure.after",
     ]

@@ -51,6 +51,7 @@ BODIES = """
      height="64"/>
     <material name="checks" texture="checks" texrepeat="3 2" specular="0"/>
     <material name="gloss" rgba=".2 .6 .3 1" specular="1" shininess=".3"/>
+    <material name="clear" rgba="1 0 0 0"/>
     <mesh name="wedge" vertex="0 0 0  .3 0 0  0 .3 0  0 0 .3"/>
   </asset>
   <visual><headlight ambient=".2 .2 .2" diffuse=".3 .3 .3" specular=".2 .2 .2"/>
@@ -66,6 +67,7 @@ BODIES = """
     <geom type="box" size=".1 .2 .1" pos=".5 -.3 .1" euler="0 0 30" rgba=".4 .2 .5 1"/>
     <geom type="mesh" mesh="wedge" pos="-.7 -.5 0" rgba=".6 .6 .6 1"/>
     <geom type="box" size=".1 .1 .1" pos="0 -.9 .6" rgba="1 0 1 0"/>
+    <geom type="box" size=".1 .1 .1" pos="0 .9 .6" material="clear"/>
     <camera name="eye" pos="0 -1.6 1.1" xyaxes="1 0 0 0 .6 .8" fovy="60"/>
     <camera name="up" pos="0 -1.6 .4" xyaxes="1 .2 0 0 -.3 1" fovy="80"/>
     <camera name="close" pos=".4 -.3 .25" xyaxes="1 0 0 0 .5 1" fovy="80"/>

@@ -219,6 +219,15 @@ def test_vots_newer_integration_takes_polygons_and_no_confidence(tmp_path):
         assert isinstance(found, Polygon)
         assert isinstance(found.points[0], Point)
         np.testing.assert_allclose(found.points, np.add(corners, (3 * k, 0)), atol=1.5)
+    with pytest.raises(ValueError, match=r"^the region is a polygon of 3 points: expected a rect"):
+        run_vot(
+            NewHandle(written(tmp_path), Polygon([Point(*corner) for corner in corners[:3]])),
+            "frozen",
+        )
+    with pytest.raises(
+        ValueError, match=r"^the region is a mask: expected a rectangle or a polygon"
+    ):
+        run_vot(NewHandle(written(tmp_path), np.ones((60, 80))), "frozen")
     boxes = NewHandle(written(tmp_path), Box(40, 30, 30, 20))
     run_vot(boxes, "mk_ssd")
     assert isinstance(boxes.reports[-1], Box)

@@ -254,6 +254,11 @@ def test_films_of_two_need_one_rate(tmp_path):
         write_film_of_two((left, right), ("a", "b"), tmp_path / "a.mp4", print)
 
 
+def test_a_run_with_exact_is_repeated_so():
+    given = film_command.scenario_to_repeat("still --exact --set run.duration=0.1")
+    assert (given.camera.renderer, given.camera.textures) == ("exact", "fine")
+
+
 def test_the_command_takes_words_of_run_and_folders(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     given = "still --set run.duration=0.1 --tracker frozen --controller hold --seed 3"

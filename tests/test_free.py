@@ -158,5 +158,6 @@ def test_a_pose_leaves_the_terms_of_the_picture_out():
         load("still", ["start.x=3", "start.pose=[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]"])
     assert str(found.value) == (
         "--set start.pose=[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]: start: pose sets the whole start pose: "
-        "leave out x, y, angle_deg, scale, tilt_deg and tilt_towards_deg, or pose"
+        "leave out x, y, angle_deg, scale, tilt_deg and tilt_towards_deg (start={pose=[...]} replaces "
+        "them all), or pose"
     )

@@ -13,6 +13,7 @@ from scipy.signal import cont2discrete, lfilter
 
 from servo.cli import identify_command
 from servo.cli.main import app
+from servo.identify import log
 from servo.identify.doubts import doubts, interval_text
 from servo.identify.fit import identify
 from servo.identify.lines import lines
@@ -245,3 +246,16 @@ def test_a_log_of_more_than_a_gibibyte_is_not_read(tmp_path):
     assert str(refused.value) == (
         f"{path}: cannot read this log: it is too large; the limit is 1,073,741,824 bytes"
     )
+
+
+def test_a_command_whose_picture_is_not_in_the_log_has_no_stamp():
+    columns = {
+        "time_s": np.array([0.0, 0.1, 0.2, 0.3]),
+        "frame": np.arange(4.0),
+        "picture": np.array([0.0, np.nan, 9.0, 2.0]),
+        "age_s": np.full(4, 0.05),
+        "decided": np.ones(4),
+    }
+    made, waited = log._pictures(columns, np.zeros(4))
+    np.testing.assert_allclose(made, [0.05, np.nan, np.nan, 0.25])
+    np.testing.assert_allclose(waited, [0.05, np.nan, np.nan, 0.05])

@@ -136,7 +136,8 @@ def test_definitions_name_the_time_of_ros_2():
 
 
 def test_names_that_are_alike_as_fields_stay_apart(tmp_path):
-    columns = ["joint_a-b_rad", "joint_a_b_rad", "joint_左_rad", "joint_右_rad", "time_s"]
+    # ROS 2 has fields in small letters only.
+    columns = ["joint_A-b_rad", "joint_a_b_rad", "joint_左_rad", "joint_右_rad", "time_s"]
     file = McapFile(tmp_path / "a.mcap", "/step", dict.fromkeys(columns, "float64"))
     file.row(0, {column: number for number, column in enumerate(columns)})
     file.close()

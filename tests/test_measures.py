@@ -265,7 +265,8 @@ def test_a_run_that_is_out_of_time_says_the_most_of_all_that_was_off(steps):
     found = report(made)
     assert (found.outcome, found.off) == (Outcome.TIMED_OUT, ("angle 27 deg", "size 40 %"))
     assert found.outcome.sentence(found.off) == (
-        "The run ended before the camera was at the goal: angle 27 deg, size 40 %."
+        "The run ended before the camera was at the goal; largest errors of its last second: angle "
+        "27 deg, size 40 %."
     )
 
 

@@ -147,3 +147,26 @@ def test_a_plain_class_is_a_tracker_or_an_estimator():
     ]
     assert by_name.tracker.quality == 1
     assert len(list(servo.run(scenario))) == 9
+
+
+def test_the_errors_of_a_law_that_returns_only_a_twist_are_recorded():
+    scenario = servo.load("still", SHORT, controller=proportional)
+    steps = list(servo.run(scenario))
+    shipped = list(servo.run(servo.load("still", [*SHORT, "controller.gain=1.5"])))
+    first, same = steps[0], shipped[0]
+    np.testing.assert_allclose(first.features, same.features)
+    np.testing.assert_allclose(first.error, same.error)
+    np.testing.assert_array_equal(first.prediction.error, first.error)
+    assert np.isnan(first.prediction.motion).all()
+    lost = servo.load("still", [*SHORT, "camera.noise=0"], controller=proportional, tracker=Lost)
+    assert list(servo.run(lost))[-1].command.trace is None
+
+
+class Lost:
+    """A tracker that does not see its target."""
+
+    def start(self, frame, region, state):
+        self.state = state
+
+    def update(self, frame, ego):
+        return Estimate(self.state, np.full((4, 4), np.nan), 1.0, Status.LOST)

@@ -81,7 +81,7 @@ def test_a_picture_shows_where_the_target_shall_be(result):
     red = [bool((p[..., 0] > np.maximum(90, 2 * p[..., 1])).any()) for p in near]
     assert sum(red) >= 2  # truth and estimate are drawn over the others
     with pytest.raises(
-        Mistake, match=r"^frame\(9\): this time is not in the run, from 0 to 0.47 s$"
+        Mistake, match=r"^frame\(9\): this time is not in the run, from 0 to 0.466667 s$"
     ):
         result.frame(9)
 

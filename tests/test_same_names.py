@@ -22,6 +22,7 @@ NAMES = [
     ("duck", "targets", ".obj"),
     ("pebbles", "targets", ".png"),
     ("truck", "targets", ".xml"),
+    ("brick", "grounds", ".png"),
 ]
 
 

@@ -59,6 +59,14 @@ def test_each_row_is_exposed_as_long():
     np.testing.assert_array_equal(next(frames)[[0, 239], 0, 0], [6, 12])
 
 
+def test_a_picture_with_fewer_rows_than_bands_has_each_row_once():
+    bands = exposures(CameraConfig(width=16, height=16, readout_ms=20.0, bands=64), 3334)
+    shares = np.zeros(16)
+    for band in bands:
+        shares[band.begin : band.begin + len(band.weights)] += band.weights.ravel()
+    np.testing.assert_allclose(shares, 1.0, atol=1e-6)
+
+
 def test_bands_that_fall_on_one_physics_step_are_rendered_once():
     bands = exposures(CameraConfig(readout_ms=5.0, bands=64), 16)
     assert [b.steps for b in bands] == [(14,), (15,), (16,)]

@@ -41,7 +41,19 @@ BAD = {
     ),
     "a section as a name": (
         STILL + "named.start.near = { start.x = 1.0 }",
-        "named.start: 'start' is reserved for a setting or section; give the axis another name",
+        "named.start: 'start' is reserved for a setting, a section or a result; give the axis another name",
+    ),
+    "a result as a name": (
+        STILL + "named.success.near = { start.x = 1.0 }",
+        "named.success: 'success' is reserved for a setting, a section or a result; give the axis another name",
+    ),
+    "a measure as a name": (
+        STILL + "named.settle_s.near = { start.x = 1.0 }",
+        "named.settle_s: 'settle_s' is reserved for a setting, a section or a result; give the axis another name",
+    ),
+    "a setting as a name": (
+        STILL + 'named."run.latency".a = { run.duration = 1 }\naxes.run.latency = [1, 2]',
+        "named.run.latency: 'run.latency' is reserved for a setting, a section or a result; give the axis another name",
     ),
     "groups that are none": (
         STILL + "named.scheme = { a = 1 }",

@@ -110,6 +110,9 @@ def test_a_wrong_aim_is_a_sentence(minimise, keep, sentence):
 def test_conditions_are_written_as_they_are_read():
     texts = ["success_rate>=0.95", "effort_rms_mm_s<=40"]
     assert list(map(str, Aim.read("settle_s", texts).keep)) == texts
+    (short,) = Aim.read("settle_s", ["servo_rms_px <= .5"]).keep
+    (large,) = Aim.read("settle_s", ["servo_rms_px<=1E3"]).keep
+    assert (str(short), str(large)) == ("servo_rms_px<=0.5", "servo_rms_px<=1000")
 
 
 def test_a_small_budget_and_a_missing_package_are_sentences(monkeypatch):

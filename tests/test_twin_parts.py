@@ -423,7 +423,7 @@ HALVES = mount().halves
     ("changes", "row", "sentence"),
     [
         ({"offset": replace(OFFSET, depth=2.99)}, "clock offset", "the motion in the film does not show it (depth of the curve 2.99, at least 3 is needed)"),
-        ({"offset": replace(OFFSET, at_end=True)}, "clock offset", "the best one is at the end of the search of 1 s: give the film's begin with --begins"),
+        ({"offset": replace(OFFSET, at_end=True)}, "clock offset", "the best one is at the end of the search of 1 s"),
         ({"offset": replace(OFFSET, half=0.0211)}, "clock offset", "it is uncertain by 21 ms (at most 20)"),
         ({"offset": replace(OFFSET, half=0.0211)}, "mount: rotation", "the clock offset is not known"),
         ({"offset": replace(OFFSET, half=0.0211)}, "mount: lever", "its rotation is not known"),

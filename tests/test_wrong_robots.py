@@ -86,6 +86,17 @@ def test_a_setting_that_does_not_fit_the_model_is_a_sentence(tmp_path, urdf, lin
     assert str(refused.value) == f"mine: robot: arm.urdf: {WRONG[lines]}"
 
 
+def test_a_limit_that_is_no_number_names_its_joint(tmp_path, urdf):
+    limits = re.search(r'<limit[^>]*velocity="[^"]*"', urdf_arm())[0]
+    for key in ("lower", "velocity"):
+        odd = re.sub(rf'{key}="[^"]*"', f'{key}="fast"', limits)
+        urdf.write_text(urdf_arm().replace(limits, odd, 1))
+        with pytest.raises(
+            Mistake, match=rf"the joint 'pan' has {key} = 'fast': expected a number$"
+        ):
+            Episode(load("still", ["robot.kind=mjcf", f"robot.model={urdf}"]))
+
+
 UNFIT = {
     "<freejoint/>": "the body 'link1' has a free joint: remove the joint or the body",
     '<joint name="ball" type="ball"/>': (

@@ -55,9 +55,8 @@ def errors_file(row: Path) -> Path:
 def errors_parquet(records: Sequence[Record]) -> bytes:
     """Return the bytes of a Parquet file with a row for each run of a benchmark: name of its world
     (random scenario), time that a slowed tracker took for a picture [ms] (0: not slowed), and the
-    list of the target's distances from the goal in all pictures, in 500ths of the target's size
-    (square root of the target's area in the goal picture). Errors above 2 sizes, which no score
-    tells apart, are 1001.
+    list of the target's errors in all pictures (as `errors_of` returns them), in 500ths of the
+    target's size. Errors above 2 sizes, which no score tells apart, are 1001.
     """
     columns = {
         WORLD: [r.settings[WORLD] for r in records],
@@ -110,9 +109,11 @@ def audit(
         errors: The errors of all runs, as `read_errors` returns them; None if they were not sent.
 
     Returns:
-        A sentence for each contradiction of the results to the benchmark, to `errors` or, for a
-        shipped contestant, to its settings; and a sentence for each part of the results that could
-        not be compared, or if settings or files of a user's contestant differ.
+        Two lists of sentences. The first has the faults: contradictions of the results to the
+        benchmark, to `errors` or, for a shipped contestant or sealed worlds, to the contestant's
+        settings and files; a quick run; and missing errors. The second has remarks: what could not
+        be compared, and, for a user's contestant in public worlds, that settings or files differ.
+        For loop-v1 and servo-v1, a quick run and missing errors are remarks too.
     """
     worlds = expected_worlds(benchmark, row)
     other = {world.key for world in worlds} ^ row.worlds.keys()
@@ -232,7 +233,7 @@ class WorldComparison:
 
     world: str
     agrees: bool
-    """True if score and pictures are equal but for rounding."""
+    """True if errors, score and first picture are equal but for rounding."""
     exactly: bool
     """True if they are equal bit for bit."""
 

@@ -25,7 +25,8 @@ from tracking.files.json_text import as_json
 
 FOLDER = "benchmarks"
 HASH_DIGITS = 16
-"""Of a SHA-256: 64 bits, so that no two editions of a benchmark share them."""
+"""Hexadecimal digits of a benchmark's hash: 64 bits of a SHA-256 digest, so that no two versions
+have the same ones."""
 SEVERITY = "severity"
 SEALED_FROM = 1 << 20
 SEALED_SEEDS = 1 << 40
@@ -36,7 +37,8 @@ FARTHEST = 2.0
 """The curve of the score goes to this distance from the goal [target sizes]."""
 HELD_SIZE = 1.0
 HELD_SHARE = 0.95
-"""A robot holds its target that is within one size of the goal for this share of the time."""
+"""A robot holds its target if the error is at most one target size in at least this share of the
+pictures."""
 EQUAL_DEPTH = 0.2
 EQUAL_DEG = 15.0
 """Errors of the depth, as abs(ln(Z/Z*)), and of the angle that count as one target size."""
@@ -44,8 +46,8 @@ ARRIVED_MM = 10.0
 ARRIVED_DEG = 1.0
 NEAR_MM = 100.0
 NEAR_DEG = 10.0
-"""Arrival in the wider sense that is used for learned servoing: a tenth of a path of a metre, and
-ten degrees."""
+"""Largest distance [mm] and angle [deg] from the goal of an arrival in the wider sense that is used
+for learned servoing: a tenth of a path of one metre, and ten degrees."""
 Settings = Table
 WhatError = Literal["centre", "size", "all"]
 OF_CONTESTANTS = {
@@ -59,8 +61,10 @@ OF_CONTESTANTS = {
 @dataclass(frozen=True, slots=True)
 class Condition:
     """A condition of a benchmark, such as "fast", from which worlds (random scenarios) are drawn:
-    the settings that all of them share, the ranges from which other settings are drawn uniformly,
-    and factors, of which each world gets one level, with the settings `factors[factor][level]`.
+    the settings, by dotted key, that all of them share, the ranges from which other settings are
+    drawn uniformly, and factors, of which each world gets one level, with the settings
+    `factors[factor][level]`. `size` is the key of the drawn setting that measures how large the
+    task is, or "severity", and `severity` is the range of that number; None: there is none.
     """
 
     name: str
@@ -121,9 +125,9 @@ class Band:
 
     name: Literal["dev", "v1", "sealed"] = "dev"
     value: str = ""
-    """The public value, of sealed worlds."""
+    """The public value from which sealed worlds are drawn; "" for public worlds."""
     digest: str = ""
-    """The contestant's digest, of sealed worlds."""
+    """The contestant's digest, from which sealed worlds are drawn too; not used for others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +148,8 @@ class Slow:
 class Benchmark:
     """A version of a public benchmark of trackers or control laws: conditions, number of worlds
     (random scenarios) in each, seeds, kind of score, settings of the reference contestants, and the
-    values of all settings when it was frozen. It is read from the benchmark's TOML and JSON files.
+    values, when it was frozen, of all settings but the contestants' own. It is read from the
+    benchmark's TOML and JSON files.
     """
 
     name: str
@@ -156,32 +161,33 @@ class Benchmark:
     error: WhatError
     """What the error in each picture covers: the target's centre, its size too, or all of it."""
     watched: int
-    """Worlds of each condition in which the contestant, a tracker, also gets the pictures of a
-    camera that another one, `perfect`, steers."""
+    """Number of worlds of each condition in which the contestant, a tracker, also gets the pictures
+    of a camera that another tracker, `perfect`, steers."""
     worlds: int
-    """Worlds of a condition."""
+    """Number of worlds of each condition."""
     seeds: dict[str, int]
-    """First seed of each public band."""
+    """First seed of each public set of worlds, "dev" and "v1"."""
     null: Settings
-    """The contestant that fixes 0 on the scale: its camera does not move."""
+    """Settings of the contestant that fixes 0 on the scale: its camera does not move."""
     perfect: Settings | None
-    """The contestant that fixes 100; without one, 100 means that all worlds are won."""
+    """Settings of the contestant that fixes 100; None: 100 is the full score in all worlds."""
     conditions: tuple[Condition, ...]
     scenario: Table
     slow: Slow | None
     home: dict[str, Settings]
-    """Settings of shipped contestants that are not the kind of one part, by name."""
+    """Settings of the shipped control laws, by the contestant's name; empty for trackers."""
     files: tuple[str, ...]
-    """Shipped models and pictures that the worlds are made of, in `scenes`."""
+    """Paths in `scenes` of the shipped models and pictures of the worlds, and of the TOML file of
+    the benchmark that this one is like."""
     frozen: Settings
-    """The value of each setting when the version was frozen."""
+    """The value of each setting when the version was frozen, by dotted key; empty for a draft."""
     pinned: Settings
-    """The constants of the measures, of a version whose hash does not cover them."""
+    """Constants of the score, by dotted key, if the hash does not cover them; else empty."""
     rendering: str
-    """Digest of the first pictures of the public band, as `Row.rendering`; rows of other pictures
-    stand in a table of their own."""
+    """Digest of the first pictures of the published worlds ("v1"), as `Row.rendering`; "" for a
+    draft or without pictures. Rows of other pictures stand in a table of their own."""
     text: str
-    """The file that all of this was read from."""
+    """Contents of the benchmark's TOML file."""
 
     @cached_property
     def hash(self) -> str:
@@ -197,9 +203,9 @@ class Benchmark:
         return found.hexdigest()[:HASH_DIGITS]
 
     def settings(self) -> Settings:
-        """Return, by dotted key, the present values of all settings that the contestants share,
-        defaults included, and of the constants of the score; `check_frozen` compares them with the
-        frozen ones.
+        """Return, by dotted key, the present values of all settings of the benchmark's scenario
+        (before a condition changes them), defaults included, but for the tables that contestants
+        set, and of the constants of the score; `check_frozen` compares them with the frozen ones.
         """
         found = parse(copy.deepcopy(self.scenario), self.name, self.name).settings()
         for part in OF_CONTESTANTS[self.contestant]:
@@ -208,7 +214,8 @@ class Benchmark:
 
     def resolved(self, contestant: Settings) -> Settings:
         """Return, by dotted key, every setting in the tables that contestants set, such as
-        [tracker]: those in `contestant`, and the defaults of all others.
+        [tracker]: its value in `contestant`, or else that of the benchmark's scenario, or else its
+        default.
 
         Args:
             contestant: Settings of the contestant, by dotted key.
@@ -234,8 +241,8 @@ class Benchmark:
                 (
                     now.get(key) != value,
                     f"{self.name}: {key} is {now.get(key)!r} in this version, and was {value!r} "
-                    "when the benchmark was frozen: new results could not be compared with old "
-                    "ones",
+                    "when the benchmark was frozen, so that new results could not be compared with "
+                    "old ones: run it with an earlier version of servobench",
                 )
                 for key, value in (self.frozen | self.pinned).items()
             )
@@ -255,10 +262,10 @@ class Benchmark:
         """Return all worlds (random scenarios) of a condition, in order of their number, with the
         seeds of a set of worlds (`band`).
 
-        The draws are balanced: of n worlds one lies in each n-th part of a range, and each level of
-        a factor occurs equally often, up to rounding; with fewer worlds than levels, some occur
-        twice (McKay, Beckman and Conover, A comparison of three methods for selecting values of
-        input variables, 1979: the Latin hypercube).
+        The draws are balanced: each n-th part of a range has the value of one of the n worlds, and
+        the levels of a factor occur about equally often (McKay, Beckman and Conover, A comparison
+        of three methods for selecting values of input variables, 1979: the Latin hypercube). With a
+        severity, the values are then moved by it.
         """
         seeds = self._seeds(condition, band)
         count = len(seeds)
@@ -330,8 +337,8 @@ def parsed(
             consists of the settings that differ from that one's file.
         settings: Value of each setting when the benchmark was frozen, by dotted key; empty for a
             draft.
-        rendering: Digest of the first picture of each published run ("v1"); "" for a draft, and for
-            a benchmark whose runs render no pictures.
+        rendering: Digest of the first pictures of all published runs ("v1"); "" for a draft, and
+            for a benchmark whose runs render no pictures.
         measures: Constants of the score, for loop-v1 and servo-v1 only; all others have these
             constants in `settings`, so that the hash covers them.
     """
@@ -387,8 +394,8 @@ def parsed(
 
 
 def _constants(score: str) -> Settings:
-    """Return the constants of measures that a score ("held" or "arrives") depends on, by a dotted
-    key.
+    """Return the constants that a score ("held", "arrives" or "reaches") depends on, by a dotted
+    key such as "score.held_share".
     """
     of_scores = {
         "held": {

@@ -32,14 +32,14 @@ NULL = "still"
 PERFECT = "truth"
 """Names of the contestants that fix the scale."""
 FROZEN = "frozen"
-"""A shipped tracker that does not use pictures: any tracker holds the worlds that it holds."""
+"""A shipped tracker that does not use pictures: the worlds that it holds prove nothing."""
 OURS = ("scenes", "servo", "sim", "tracking")
 """Packages of servobench, which do not belong to a contestant: a row names their version."""
 COMMANDS = ("tracker.command", "controller.command")
 NAMING = (*COMMANDS, "tracker.model", "controller.file")
-"""Settings that name a guest's files."""
+"""Settings that name the files of a user's contestant."""
 SERVERS = {"tracker": "tracking.exported.program_server", "controller": "servo.policy_server"}
-"""Modules that run a guest's class in a process of its own, by the section of a scenario."""
+"""Modules that run a user's class in a process of its own, by the section of a scenario."""
 SCRIPTS = (".py", ".sh")
 """Files of a command that may use the modules beside them."""
 CHANGEABLE = {
@@ -53,8 +53,10 @@ OF_CONTROLLERS: Settings = {"features.kind": "points"}
 
 
 class Division(Enum):
-    """The way in which a contestant was run: its process and its settings. Each member's value is a
-    sentence about it.
+    """The way in which a contestant was run: HOME (shipped with servobench), CLOSED (a user's
+    tracker or policy, of which the settings of all other components are the benchmark's), OPEN (a
+    user's class in the simulation's process, or changed settings) or SCALE (a reference that fixes
+    0 or 100). Each member's value describes it in words.
     """
 
     HOME = (
@@ -62,8 +64,9 @@ class Division(Enum):
         "of the benchmark's history"
     )
     CLOSED = (
-        "a tracker or policy in another process, which gets pictures (a policy also the robot's "
-        "posture) and nothing else; all other settings are those of the file"
+        "a tracker or policy in another process (or a network as policy), which gets pictures (a "
+        "policy also the robot's posture) and nothing else; all other settings are those of the "
+        "file"
     )
     OPEN = "in the same process as the simulation, or with other settings than the file's"
     SCALE = "fixes 0 or 100 on the scale"
@@ -106,7 +109,7 @@ class Contestant:
             if key in COMMANDS:
                 yield from shlex.split(str(value))
             else:
-                yield from value if isinstance(value, list) else [str(value)]
+                yield from map(str, value if isinstance(value, list) else [value])
 
     def _files(self) -> set[Path]:
         """Return the files that a user's contestant is made of: those that its settings name, with
@@ -129,8 +132,8 @@ class Contestant:
 
 
 def _files_in(word: str) -> list[Path]:
-    """Return the files that a word of a command names: vit.onnx, model="vit.onnx" or
-    model=["a.onnx", "b.onnx"]; without Python's own program.
+    """Return the existing files that a word of a command names, such as vit.onnx, model="vit.onnx"
+    or model=["a.onnx", "b.onnx"], but not the Python interpreter.
     """
     value = word.partition("=")[2]
     with suppress(ValueError):
@@ -141,8 +144,9 @@ def _files_in(word: str) -> list[Path]:
 
 
 def _package(name: str) -> set[Path]:
-    """Return the files of a package's modules. For a single module, return its file and the modules
-    beside it; an installed module is returned alone.
+    """Return the files of a package's modules. For a single module, return its file and, unless it
+    is installed, the Python files in its folder and subfolders. Return nothing if the module is not
+    found or belongs to servobench.
     """
     spec = None if name in OURS else PathFinder.find_spec(name, [str(Path.cwd()), *sys.path])
     if spec is None:
@@ -155,8 +159,8 @@ def _package(name: str) -> set[Path]:
 
 
 def _modules(folder: Path) -> set[Path]:
-    """Return the Python files in a folder and its folders, except in virtual environments, hidden
-    folders and servobench.
+    """Return the Python files in a folder and its subfolders, except in virtual environments,
+    hidden subfolders and servobench.
     """
     found = set[Path]()
     for place, folders, files in os.walk(folder):
@@ -202,13 +206,16 @@ def contestants(
             for networks of OpenCV's trackers (for a law, one network that acts as controller);
             empty: all shipped contestants.
         changes: Changes KEY=VALUE of the settings of all contestants, whose division is then OPEN.
-            A user's class runs in another process, unless a setting of the tracker or the
-            controller is changed.
+            A user's tracker, or policy for goal pictures, runs in another process, unless a setting
+            of the tracker or the controller is changed; a user's class in a benchmark of laws runs
+            in this process.
 
     Raises:
         Mistake: There is no such contestant, it uses more than pictures, it does not use the
-            picture at the goal where the benchmark requires it, its name or its command is missing,
-            two have one name, or one has that of a reference ("still" or "truth").
+            picture at the goal where the benchmark requires it, its name, command or file is
+            missing, it has too many files, two have one name, or one has that of a reference
+            ("still" or "truth"); or a change does not have that form, or is of a setting that no
+            contestant may change.
     """
     home = {one.name: one for one in home_of(benchmark)}
     changed = dict(map(assignment, changes))
@@ -230,7 +237,8 @@ def contestants(
         *(
             (
                 names.count(name) > 1 or name in (NULL, PERFECT),
-                f"two contestants are called '{name}': write another name before the =",
+                f"two contestants are called '{name}': write one of them as NAME=KIND or "
+                "NAME=module:Class, with a name that no other has",
             )
             for name in names
         )
@@ -260,11 +268,12 @@ def _check_changes(benchmark: Benchmark, changed: Collection[str]) -> None:
 
 
 def _check_tracker(settings: Settings) -> None:
-    """Check that the tracker that a contestant's settings name uses pictures only. A class is not
-    imported here, as it runs in a process of its own.
+    """Check that the tracker that a contestant's settings name uses only pictures and the camera's
+    motion, and needs no marker. A user's class is not checked: it is not imported here, as it runs
+    in a process of its own.
 
     Raises:
-        Mistake: The tracker uses more than pictures, such as the truth.
+        Mistake: The tracker uses more, such as the truth.
     """
     kind = str(settings["tracker.kind"])
     if kind in TRACKERS.names() and not follows_any_target(TRACKERS.config(kind)):
@@ -275,7 +284,8 @@ def _check_tracker(settings: Settings) -> None:
 
 
 def _check_pictures(benchmark: Benchmark, one: Contestant) -> None:
-    """Check that a contestant's law uses the picture at the goal: others are given the true pose.
+    """Check that a contestant's law uses the picture at the goal: other laws are given the target's
+    true pose.
 
     Raises:
         Mistake: It does not, or a setting of the contestant is wrong.
@@ -289,8 +299,9 @@ def _check_pictures(benchmark: Benchmark, one: Contestant) -> None:
 
 
 def _served(section: str, settings: Settings) -> Settings:
-    """Return settings that run a tracker or policy in Python, given by its settings in a section
-    of a scenario, in another process, which gets pictures (and the robot's posture) only.
+    """Return settings that run a tracker or policy, given by its settings in a section of a
+    scenario, in another Python process, which gets pictures (a policy also the robot's posture)
+    only.
     """
     table = {key.removeprefix(f"{section}."): value for key, value in settings.items()}
     python = Path(shutil.which("python") or "")

@@ -86,7 +86,9 @@ class Row(Made):
     """The published results of a contestant (one row of a benchmark's table), as the contestant's
     JSON file has them: its result in each world (random scenario) of the set `band`, with the
     contestant's settings and digest, and the benchmark's hash. `track_ms` is the tracker's median
-    time for a picture [ms].
+    time for a picture [ms]; `slow` the share of worlds held, by the time [ms] of the slowed
+    tracker; `curve` the share of pictures with an error of at most tau, for each tau in `TAUS`; and
+    `measures` further measures, medians or means over the worlds.
     """
 
     KIND: ClassVar[str] = "benchmark row"
@@ -94,10 +96,10 @@ class Row(Made):
 
     benchmark: str
     hash: str
-    """Of the benchmark's version."""
+    """Hash of the benchmark's version."""
     band: Literal["dev", "v1", "sealed"]
     value: str = ""
-    """The public value, of sealed worlds."""
+    """The public value from which sealed worlds were drawn; "" for public worlds."""
     contestant: str
     division: str
     """Name of the division."""
@@ -105,18 +107,20 @@ class Row(Made):
     resolved: Settings = field(default_factory=Settings)
     """Every setting of its tables, defaults included; empty in older rows."""
     digest: Digest
-    """Of the contestant."""
+    """Digest of the contestant."""
     machine: str
     track_ms: float
-    """Measured time of the tracker for a picture, median [ms]: of this machine, never ranked."""
+    """Median of the tracker's measured times for a picture on `machine` [ms]; it is not ranked."""
     worlds: Annotated[dict[str, WorldScore], BeforeValidator(by_world)]
     """Result in each world, by its name, with a score from 0 to 1; in the file as a table's
     columns."""
     slow: dict[Milliseconds, Share] = field(default_factory=dict[str, Share])
     """Share of worlds held, by the time that the tracker takes for a picture [ms]."""
     curve: Annotated[list[Share], Len(len(TAUS), len(TAUS))]
-    """Share of the time within `TAUS` of the goal, over all worlds."""
+    """Share of the pictures of all worlds whose error is at most tau, for each tau in `TAUS`."""
     measures: dict[str, float | None] = field(default_factory=dict[str, float | None])
+    """Further measures by name: medians over the worlds for a law, means for a tracker; None: no
+    value."""
 
     def text(self) -> str:
         """Return these results as JSON, with a line for each key; "worlds" are the columns of a
@@ -192,9 +196,9 @@ def row_of(
 
 def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> dict[str, float]:
     """Return the share (0 to 1) of worlds (random scenarios) in which the tracker held the target
-    (an error of at most 1 target size in at least 95 % of the pictures), by the time that it took
-    for a picture [ms], as a text such as "33" ("0": as in the other runs). The result is empty if
-    the benchmark has no runs with slowed trackers.
+    (an error of at most 1 target size in at least 95 % of the pictures), by the time that it was
+    made to take for a picture [ms], as a text such as "33" ("0": it was not slowed). The result is
+    empty if the benchmark has no runs with slowed trackers.
 
     Args:
         benchmark: The benchmark; only worlds of the condition that its `slow` names count.
@@ -224,8 +228,9 @@ def _open_loop(records: Sequence[Record]) -> dict[str, float | None]:
 
 
 def _measures(records: Sequence[Record]) -> dict[str, float | None]:
-    """Return medians of a control law's measures over all worlds, and the share of worlds [%] in
-    which the camera arrived within wider limits than those of the score.
+    """Return medians of a control law's measures over all worlds, None if half of the worlds have
+    no value; and, as "near_pct", the share of worlds [%] in which the camera ended within 100 mm
+    and 10 degrees of its goal, limits wider than those of the score.
     """
     found: dict[str, float | None] = {}
     for name in MEASURES:

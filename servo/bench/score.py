@@ -34,16 +34,18 @@ SPLITS = 100
 POWER = 1.96 + 0.84
 """Sum of the normal quantiles of a two-sided test at 5 % and of a power of 80 %."""
 LIGHT = ("light.azimuth_deg", "light.elevation_deg")
-"""Settings that are drawn in all conditions; a third of the worlds is a level of each."""
+"""Settings of the lamp that benchmarks of trackers draw in all conditions; `effects` splits the
+worlds into thirds by each."""
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
     """A contestant's place in the table of a benchmark: its results, its score and the share of
     worlds (random scenarios) in which it held the target or arrived, both with 95 % intervals, the
-    best and worst rank that it may have (`first`, `last`), its points by world, and the longest
-    time for a picture at which it still holds at least half of the worlds and more than the tracker
-    `frozen` (`slowest`) [ms], None without one.
+    best and worst rank that it may have (`first`, `last`), the share of worlds in which it is
+    better than the next contestant (`beats_next`), its points by world, and the longest time for a
+    picture at which it still holds at least half of the worlds and more than the tracker `frozen`
+    (`slowest`) [ms], None without one.
     """
 
     row: Row
@@ -56,12 +58,13 @@ class Standing:
     """Best and worst rank that the contestant may have: after all that are significantly better,
     and before all that are significantly worse."""
     beats_next: float
-    """Share of worlds in which the contestant is better than the next one; ties count half."""
+    """Share of worlds in which the contestant is better than the next one; ties count half, so that
+    the last contestant, which is compared with itself, has 0.5."""
     points: dict[str, float]
     """Points in each world, by its key; the score is their mean."""
     slowest: float | None
-    """The longest time for a picture at which half of the worlds are held, and more of them than
-    `frozen` holds if it is there [ms].
+    """The longest time for a picture [ms] up to which at least half of the worlds are held, and
+    more of them than `frozen` holds if it is in the table; None without such a time.
     """
 
     @property
@@ -71,8 +74,9 @@ class Standing:
 
     def mean_in(self, condition: str) -> float:
         """Return the contestant's mean points in the worlds (random scenarios) of one condition;
-        nan if it has no result there. 0 is about a camera that stands still; 100 is a tracker that
-        knows the target's true state, or a law that always arrives.
+        nan if it has no result there. A camera that stands still has 0; a tracker that knows the
+        target's true state, or a law that always arrives, has 100 (in the first benchmark, loop-v1,
+        only on average over all conditions).
         """
         of = [p for key, p in self.points.items() if condition_of(key) == condition]
         return float(np.mean(of)) if of else float("nan")
@@ -117,7 +121,7 @@ def _score_of(points: Mapping[str, float], *, whole: bool, bounds: tuple[float, 
     Args:
         points: Points by the name of a world.
         whole: Whether the interval ignores the conditions.
-        bounds: Least and most possible points / 100.
+        bounds: Least and most possible points, divided by 100; empty: none.
     """
     values = np.array(list(points.values())) / 100
     conditions = {condition_of(key) for key in points}
@@ -144,7 +148,8 @@ def standings(rows: Sequence[Row]) -> list[Standing]:
             it, "truth", which define the scores 0 and 100 and get no place.
 
     Raises:
-        Mistake: The results of "still" are missing, or share no world with those of a contestant.
+        Mistake: The results of "still" are missing, or there is no world in which a contestant and
+            all references have a result.
     """
     by_name = {row.contestant: row for row in rows}
     if NULL not in by_name:
@@ -191,8 +196,8 @@ def _better(
     """Return the pairs (better, worse) of contestants that differ significantly.
 
     Args:
-        points: Of each contestant in each world.
-        order: The contestants, the best mean first.
+        points: Points by contestant and world.
+        order: Names of the contestants, that with the best mean first.
     """
     pairs = [(a, b) for i, a in enumerate(order) for b in order[i + 1 :]]
     chances = np.array([_chance(_gaps(points[a], points[b])) for a, b in pairs])
@@ -231,10 +236,11 @@ class Effect:
 
 def effects(worlds: Sequence[World], table: Sequence[Standing]) -> list[Effect]:
     """Return the mean points, with a 95 % interval, over the worlds (random scenarios) at each
-    level of each factor, and in each third of the lamp's azimuth and elevation.
+    level of each factor, and over each third of the worlds in order of the lamp's azimuth and of
+    its elevation.
 
-    The points in a world are the mean of all contestants in `table`. A level with fewer than five
-    worlds is left out.
+    The points in a world are the mean of all contestants in `table` that have a result there. A
+    level with fewer than five such worlds is left out.
 
     Args:
         worlds: The worlds of the benchmark.
@@ -253,7 +259,9 @@ def effects(worlds: Sequence[World], table: Sequence[Standing]) -> list[Effect]:
 
 
 def _levels(worlds: Sequence[World]) -> dict[tuple[str, str], list[str]]:
-    """Return the names of the worlds at each factor and level, by (factor, level)."""
+    """Return the names of the worlds at each level, by (factor, level). The lamp's azimuth and
+    elevation count as factors with three levels of equally many worlds, such as "30 to 50".
+    """
     chosen = sorted({level for world in worlds for level in world.levels.items()})
     found = {(f, of): [w.key for w in worlds if w.levels.get(f) == of] for f, of in chosen}
     for name in LIGHT:
@@ -270,21 +278,23 @@ def _levels(worlds: Sequence[World]) -> dict[tuple[str, str], list[str]]:
 @dataclass(frozen=True, slots=True)
 class Difficulty:
     """Numbers of worlds (random scenarios) that do not distinguish contestants, because none of
-    them held the target there, or all did; and the number of all worlds in which they have a
-    result. The tracker `frozen`, which does not use pictures, is not counted.
+    them held the target (or arrived) there (`nobody`), or all did (`everybody`); and the number of
+    all worlds in which each of them has a result. The tracker `frozen`, which does not use
+    pictures, does not count as a contestant.
     """
 
     nobody: int
-    """Worlds that no contestant held."""
+    """Number of worlds that no contestant held."""
     everybody: int
-    """Worlds that every contestant held, without `frozen`, which does not use pictures."""
+    """Number of worlds that every contestant but `frozen` held."""
     worlds: int
+    """Number of worlds in which all contestants have a result."""
 
     @staticmethod
     def of(table: Sequence[Standing]) -> "Difficulty | None":
         """Count the worlds (random scenarios) in which none, and in which all, of the contestants
-        in a table held the target. The tracker `frozen` is left out; return None if fewer than
-        three contestants remain.
+        in a table held the target or arrived. The tracker `frozen` is left out; return None if
+        fewer than three contestants remain.
         """
         rows = [standing.row.worlds for standing in table if standing.name != FROZEN]
         if len(rows) < FEWEST_CONTESTANTS:
@@ -303,8 +313,8 @@ class Discrimination:
     worlds; worlds in which all contestants have equal points are left out. `halves` is the
     split-half reliability: the mean correlation of the contestants' scores in two random halves of
     the worlds, for the full number of worlds (Spearman and Brown, 1910). `needed` is the number of
-    worlds in which a paired test finds the difference between the first two contestants with a
-    probability of 80 %; inf if they are equal.
+    worlds in which a paired test at 5 % finds the difference between the first two contestants with
+    a probability of 80 %; inf if their means are equal.
     """
 
     agreeing: float
@@ -313,8 +323,9 @@ class Discrimination:
 
     @staticmethod
     def of(table: Sequence[Standing]) -> "Discrimination | None":
-        """Return these numbers for the contestants in a table, the best first, without `frozen`;
-        None for fewer than three contestants, or if all have the same points everywhere.
+        """Return how well the worlds tell apart the contestants in a table (the best one first),
+        without the tracker `frozen`; None for fewer than three contestants, or if no world has an
+        item-rest correlation, as where all contestants have equal points in each world.
         """
         rows = [standing.points for standing in table if standing.name != FROZEN]
         if len(rows) < FEWEST_CONTESTANTS:

@@ -19,7 +19,7 @@ from servo.bench.contestant import Contestant, Division
 from servo.bench.world_score import ERROR, LAST, PICTURE, world_score
 from servo.loop.columns import Columns
 from servo.loop.episode import Episode
-from servo.loop.part_failures import PartFailed
+from servo.loop.part_failures import Part, PartFailed
 from servo.loop.settings import stream
 from servo.scenario.load import Scenario, parse
 from servo.scenario.toml import Table
@@ -30,6 +30,7 @@ from sim.outline import area
 from sim.types import Array, Image
 from sim.world import Unstable
 from tracking.evaluation.track_measures import turned_overlaps
+from tracking.types import Tracker
 
 CONTESTANT = "contestant"
 WORLD = "world"
@@ -56,7 +57,7 @@ class WorldRun:
     name: str
     """Name of the condition."""
     score: str
-    """The benchmark's kind of score, by which a run fails."""
+    """The benchmark's kind of score, which decides whether a run has failed."""
     error: WhatError
     """What the error covers: the target's centre, its size too, or all of it."""
     table: Table
@@ -73,15 +74,16 @@ class WorldRun:
 
     def perform(self, job: Job, folder: Path) -> Record:
         """Run the contestant in the world, and return the record: its measures, the error in each
-        picture [target sizes], and digests of the first and last picture. If a contestant that sees
-        pictures does not hold the target, or does not arrive (whichever the benchmark scores), the
-        record has an image with pictures of the run. If the
+        picture [target sizes], and digests of the first and last picture ("": no component used
+        pictures). If a contestant that sees pictures does not hold the target, or does not arrive
+        (whichever the benchmark scores), the record has an image with pictures of the run. If the
         simulation becomes unstable, the run ends there.
 
         No file is written into `folder`.
 
         Raises:
             PartFailed: A component, such as the tracker, raised an exception.
+            Exception: The tracker raised it in the run in which `driver` steers the camera.
         """
         scenario = parse(self.table, str(job.settings[WORLD]), self.benchmark)
         sheet = Sheet(scenario.frames)
@@ -114,14 +116,15 @@ class WorldRun:
         """Return how well the contestant follows the target in the pictures of a camera that
         `driver` steers, over all pictures but the first: its mean overlap with the truth
         (intersection over union), and the share of pictures [%] in which its centre is at most half
-        a target size from the true one. Return nothing without a driver.
+        a target size from the true one. Return an empty dictionary without a driver.
 
         Raises:
-            Exception: What the contestant raises.
+            PartFailed: The contestant raised an exception, or returned an invalid value.
         """
         if self.driver is None:
             return {}
-        tracker = scenario.tracker.build(stream(job.seed, "tracker"))
+        part = Part("tracker", scenario.tracker)
+        tracker: Tracker = part.guarded(part.build(stream(job.seed, "tracker")))
         found, true = list[Array](), list[Array]()
         with Episode(parse(self.driver, str(job.settings[WORLD]), self.benchmark)) as episode:
             _, region, start = episode.shown
@@ -142,16 +145,17 @@ class WorldRun:
 def errors_of(run: Columns, frames: int, what: WhatError) -> Array:
     """Return the error of the target's true place in each picture (frames,) [target sizes].
 
-    It is the distance of the target's centre from its goal, in target sizes: square roots of the
-    target's area in the goal picture. It is infinite in pictures that the run did not reach, and
-    where the target is behind the camera.
+    It is infinite in pictures that the run did not reach, and where the target is behind the
+    camera.
 
     Args:
         run: Columns of all steps of the run.
         frames: Number of pictures of a complete run.
-        what: What the error covers. "centre": this distance; "size": the largest of it and of the
-            depth's error abs(ln(Z/Z*)) over 0.2; "all": the largest of these and of the error of
-            the target's angle over 15 degrees.
+        what: What the error covers. "centre": the distance in the picture of the target's centre
+            from its goal, divided by the target's size, which is the square root of its area in the
+            goal picture; "size": the larger of this distance and of the depth's error
+            abs(ln(Z/Z*)) over 0.2; "all": the largest of these two and of the error of the target's
+            angle over 15 degrees.
     """
     truth = run.first.truth
     metres = np.sqrt(area(truth.corners)) / truth.size
@@ -173,8 +177,8 @@ def jobs_of(
     """Return a job for each contestant in each world (random scenario). In the worlds of the
     condition that `benchmark.slow` names, each contestant but the reference ones ("still" and
     "truth") also has a job for each time that a slowed tracker takes for a picture. In the first
-    `benchmark.watched` worlds of each condition, a contestant also gets the pictures of a camera
-    that the reference "truth" steers.
+    `benchmark.watched` worlds of each condition, the job of a contestant that is no reference and
+    not slowed also runs it on the pictures of a camera that the reference "truth" steers.
     """
     of = f"{benchmark.name} {benchmark.hash}"
     slow = benchmark.slow

@@ -14,7 +14,7 @@ PICTURE = "first_picture"
 LAST = "last_picture"
 """Settings of a record: the SHA-256 of the first and the last picture of the run."""
 ERROR = "error_sizes"
-"""Series of a record: distance of the target's centre from the goal, in target sizes."""
+"""Series of a record: the target's error in each picture (`errors_of`), in target sizes."""
 DIGITS = 12
 """Digits of a picture's digest."""
 DECIMALS = 9
@@ -33,7 +33,7 @@ class WorldScore:
     area: Share
     """Score in this world, 0 to 1."""
     held: bool
-    """Whether the robot held its target for 95 % of the time, or arrived."""
+    """Whether the robot held its target in at least 95 % of the pictures, or arrived."""
     picture: str = ""
     """Digest of the first picture; empty where nothing was rendered."""
     last: str = ""

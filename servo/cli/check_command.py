@@ -250,8 +250,8 @@ def _carry_out(jobs: Sequence[Job], workers: int, console: Console, ends: dict[i
 
 
 def _print_failures(ends: Sequence[End]) -> int:
-    """Print why runs failed, each mistake once; return the exit code: 2 for a mistake of the user
-    (or full memory), 1 for another failure, 0 without one.
+    """Print why runs failed, each mistake once; return the exit code: 2 for a mistake of the user,
+    1 for another failure, such as full memory, 0 without one.
     """
     failed = [(job, end) for job, end in ends if isinstance(end, Failure)]
     for sentence in dict.fromkeys(end.mistake for _, end in failed if end.mistake):
@@ -262,7 +262,8 @@ def _print_failures(ends: Sequence[End]) -> int:
         if not end.mistake:
             complain(f"{job.subject.name} failed: {end.reason}")
             plain(Console(stderr=True), f"  again: {job.command}")
-    return max((2 if end.mistake else 1 for _, end in failed), default=0)
+    mistakes = (end.mistake and not end.full for _, end in failed)
+    return max((2 if is_mistake else 1 for is_mistake in mistakes), default=0)
 
 
 def _table(ends: Sequence[End]) -> Table:

@@ -48,14 +48,14 @@ def run(runs: Sequence[str], out: Path, quiet: bool) -> None:
     Outputs(video=out).check()
     console = Console(quiet=quiet)
     with ExitStack() as stack:
-        left, right = (stack.enter_context(Episode(_scenario(given))) for given in runs)
+        left, right = (stack.enter_context(Episode(scenario_to_repeat(given))) for given in runs)
         frames = max(left.frames, right.frames)
         with progress(console, out.name, frames) as written:
             write_film_of_two((left, right), (runs[0], runs[1]), out, written)
     plain(console, str(out))
 
 
-def _scenario(given: str) -> Scenario:
+def scenario_to_repeat(given: str) -> Scenario:
     """Return the scenario of a run to repeat: of the run in a folder, or of the arguments of
     `servobench run` in a text.
 

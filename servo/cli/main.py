@@ -393,7 +393,11 @@ def budget() -> None:
 @app.command()
 @click.argument("claims", nargs=-1, help="Claims, such as P1-2 (default: all).")
 @click.option("--quick", is_flag=True, help="One seed of each, to check that all works.")
-@click.option("--sequences", type=opt.PATH, help="A folder of real sequences to add to P0-1a.")
+@click.option(
+    "--sequences",
+    type=opt.PATH,
+    help="A folder of real sequences to add to those of P0-1a, P0-1b, P0-5 and P0-6.",
+)
 @click.option(
     "--first-seed",
     type=opt.COUNT,

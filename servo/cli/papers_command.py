@@ -58,7 +58,7 @@ def run(
         claims: Names of the claims, such as "P1-2"; none: all but those about the tuning of
             trackers.
         quick: Whether to run one seed of each claim only, as a check that all works.
-        sequences: A folder of real sequences to add to the claim P0-1a; None: none.
+        sequences: A folder of real sequences to add to those of the claims `JOINED`; None: none.
         first_seed: The first seed; None: the seeds that the rules name.
         workers: Number of processes.
         out: The folder to write; None: runs/papers, runs/papers-quick for a quick run, or
@@ -151,8 +151,10 @@ def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
     there = {claim.name: claim for claim in (*CLAIMS, *TUNING)}
     check_known(names, there, "papers", "claim")
     chosen = [there[name] for name in names] if names else list(CLAIMS)
-    if effort.sequences is not None and there[JOINED] not in chosen:
-        raise Mistake(f"papers: --sequences is only for the claim {JOINED}: name {JOINED} too")
+    if effort.sequences is not None and not any(claim.name in JOINED for claim in chosen):
+        raise Mistake(
+            f"papers: --sequences is only for the claims {', '.join(JOINED)}: name one of them, too"
+        )
     if effort.first is not None:
         _check_first(effort, effort.first, chosen)
         return [replace(claim, rule=claim.rule.on(effort.first)) for claim in chosen]

@@ -201,7 +201,7 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
         own = np.array([_belongs(model, i) for i in range(model.ngeom)])
         room.fit(_corners(world, own))
         views = [room.render(world.bodies()), eye.begin(world.data)()]
-        seen = eye.silhouette(world.data, own.astype(float), alone=False)
+        seen = eye.silhouette(world.data, own, alone=False)
     finally:
         for item in (room, eye, world):
             item.close()

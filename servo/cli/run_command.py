@@ -259,10 +259,17 @@ def measures_lines(scenario: Setup) -> list[str]:
     misses, a bound.
     """
     lines = list[str]()
-    if scenario.run.duration <= scenario.measure.after:
+    period = 1 / scenario.camera.rate
+    last = (scenario.frames - 1) * period
+    if last < scenario.measure.after or scenario.run.duration <= scenario.measure.after:
         lines.append(
-            f"The run ends after {scenario.run.duration:g} s, and measure.after = "
+            f"The last picture is taken at {last:g} s, and measure.after = "
             f"{scenario.measure.after:g} s: measures that count from that time on have no value"
+        )
+    if scenario.run.frames_late(period) * period >= scenario.run.duration:
+        lines.append(
+            f"The run ends after {scenario.run.duration:g} s, before its first command acts: no "
+            "command moves the camera"
         )
     if isinstance(scenario, Scenario):
         lines += doubts_of(scenario)

@@ -71,6 +71,7 @@ def with_outputs(text: str) -> str:
 
     Raises:
         nbclient.exceptions.CellExecutionError: A cell ended with an error.
+        nbclient.exceptions.CellTimeoutError: A cell ran for more than half an hour.
     """
     import nbformat
     from nbclient import NotebookClient
@@ -110,7 +111,9 @@ def _cells(page: str) -> Iterator[Cell]:
 
 
 def _text(text: str) -> Cell:
-    """Return a cell of Markdown, without pictures that code draws and links to other pages."""
+    """Return a cell of Markdown, without pictures that code draws, and with the texts of links to
+    other pages in place of the links.
+    """
     source = LINK.sub(r"\1", DRAWN.sub("", text)).strip()
     return {"cell_type": "markdown", "metadata": {}, "source": source}
 

@@ -67,7 +67,8 @@ def setup(app: Sphinx) -> dict[str, bool]:
 
 
 def _complete(app: Sphinx, page: str, source: list[str]) -> None:
-    """Append the part of a page that is made from the code to its source.
+    """Add to a page's source the part that is made from the code; a tutorial gets a link to its
+    notebook, which is written too.
 
     Args:
         app: The Sphinx application.

@@ -49,7 +49,8 @@ class Config:
     """Share of the velocity's change that is left in the next frame."""
     ratio: Ratio | None = None
     """Ratio sQ / sR of two variances, that of the noise of the velocity's change per frame, and
-    that of a measured difference; by default tuned for the camera's rate."""
+    that of a measured difference per second, 2 s^2 / T^2 for errors with the variance s^2 and the
+    frame interval T; by default tuned for the camera's rate."""
     noise: Noise = "position"
     """Which noise is taken as white: that of the "position", or that of the "difference", as in
     ViSP."""

@@ -9,7 +9,7 @@ import servo
 
 @dataclass(frozen=True)
 class Config:
-    """The feature set has no settings."""
+    """Settings of the feature set; there are none."""
 
     def build(self, outline):
         """Return the feature set, which is the same for any target; `outline` is not used."""

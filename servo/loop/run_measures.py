@@ -52,7 +52,11 @@ class Outcome(Enum):
         Args:
             causes: What kept the camera from the goal, such as "elbow (range)" or "angle 27 deg".
         """
-        return f"{self.value[:-1]}: {', '.join(causes)}." if causes else self.value
+        if not causes:
+            return self.value
+        is_late = self is Outcome.TIMED_OUT
+        of_what = "; largest errors of its last second" if is_late else ""
+        return f"{self.value[:-1]}{of_what}: {', '.join(causes)}."
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,7 +133,7 @@ class StartConfig:
         if self.pose is not None and replace(self, pose=None) != StartConfig():
             raise ValueError(
                 "pose sets the whole start pose: leave out x, y, angle_deg, scale, tilt_deg and "
-                "tilt_towards_deg, or pose"
+                "tilt_towards_deg (start={pose=[...]} replaces them all), or pose"
             )
 
 

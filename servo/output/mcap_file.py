@@ -281,7 +281,7 @@ def _fields(columns: Iterable[str]) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for number, column in enumerate(columns):
-        name = NOT_A_FIELD.sub("_", column)
+        name = NOT_A_FIELD.sub("_", column).lower()
         found[column] = f"{name}_{number}" if name in found.values() else name
     return found
 

@@ -13,7 +13,7 @@ from servo.closing import closing
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
 from servo.loop.step import Step
-from servo.mistake import Mistake, Refused, refusal, writing
+from servo.mistake import FULL, Mistake, Refused, refusal, writing
 from servo.output import plots
 from servo.output.formats import Document
 from servo.output.run_curves import RunCurves
@@ -140,11 +140,9 @@ class RunFolder:
             ) from None
         except OSError as error:
             (folder / STREAM).unlink(missing_ok=True)
-            sentence = (
-                f"{folder / STREAM}: the disk has no room for the table: {error.strerror}: make "
-                "room, or choose another folder"
-            )
-            raise Refused(sentence) from None
+            full = "the disk has no room for the table: " if error.errno in FULL else ""
+            remedy = "make room, or choose another folder" if full else "choose another folder"
+            raise Refused(f"{folder / STREAM}: {full}{error.strerror}: {remedy}") from None
         self._sinks = Sinks(more or {})
         if rerun:
             # rerun takes half a second to import

@@ -35,9 +35,10 @@ class Effort:
 
     quick: bool
     """True to run one seed of each claim, which no verdict uses, as a check of the code; runs of
-    scenarios and painted sequences are short."""
+    shipped scenarios and painted sequences are short."""
     sequences: Path | None
-    """Folder of real sequences for the claim that also uses them."""
+    """Folder of real sequences, which the claims P0-1a, P0-1b, P0-5 and P0-6 use besides painted
+    ones; None: they use painted ones only."""
     first: int | None = None
     """First seed of every claim; None: the seed that its rule names."""
 
@@ -62,8 +63,8 @@ class Effort:
 
     @property
     def pictures(self) -> int | None:
-        """Return to how many first pictures each painted (synthetic) sequence is cut: 60 if
-        `quick`; None: it is not cut.
+        """Number of first pictures to which each painted (synthetic) sequence is cut: 60 if
+        `quick`, else None (it is not cut).
         """
         return FEW if self.quick else None
 

@@ -32,8 +32,9 @@ CLAIMS = (
     ),
     *estimator_study.CLAIMS,
 )
-JOINED = "P0-1a"
-"""The claim that also uses real sequences."""
+JOINED = ("P0-1a", "P0-1b", "P0-5", "P0-6")
+"""The claims that also use real sequences; one has to be among the tested ones if some are
+given."""
 FIGURES = "figures"
 VERDICTS = "verdicts.json"
 """File of the findings of the last full run; a run with other findings exits with 1."""
@@ -53,7 +54,7 @@ class Judged:
     effect: float | None
     low: float | None
     high: float | None
-    """End of the effect's 95 % interval; None if unknown."""
+    """Upper end of the effect's 95 % interval; None if unknown."""
     unit: str
     count: int
     """Number of units."""

@@ -35,9 +35,9 @@ TESTED = tuple(name for name in ESTIMATORS.names() if name != "integral")
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A motion of the target at a frame rate: its scenario and the changes of this, the compared
-    measure of the servo error (rms or peak), and the largest allowed mean of this measure [px], by
-    kind of the estimator ("best": of the best one).
+    """A motion of the target at a frame rate: the scenario that has the motion, the changes of its
+    settings, the compared measure of the servo error (rms or peak), and the largest allowed mean of
+    this measure [px], by kind of the estimator ("best": of the best one).
     """
 
     motion: str
@@ -149,7 +149,9 @@ def _table(found: Scores) -> list[list[str]]:
 
 
 def _draw(found: Scores) -> Figure:
-    """Plot the mean errors [px] of all estimators with bounds by motion, in a panel a rate."""
+    """Plot the mean errors [px] of estimators, and their bounds, by motion of the target, in one
+    panel for each frame rate.
+    """
     figure, both = panels(2, width=9.0)
     for ax, rate in zip(both, AT, strict=True):
         chosen = [i for i, c in enumerate(CASES) if c.rate == rate]

@@ -75,8 +75,8 @@ class CachedPainting(Generated):
 
 @lru_cache(maxsize=1)
 def _painted(kind: str, config: object, seed: int, pictures: int | None) -> Painting:
-    """Return the first pictures of a painted sequence, which are cached until another sequence is
-    painted; None: all pictures.
+    """Return the first `pictures` pictures of a painted sequence (None: all), which are cached
+    until another sequence is painted.
     """
     sequence = Generated(kind, config).build(seed)
     source, states = sequence.source, sequence.states

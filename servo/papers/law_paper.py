@@ -36,7 +36,7 @@ ERRORS = {
     FIRST: "servo-v1 as it is frozen; corners are given, seven errors",
     HARDER: "servo-v2 as it is frozen; corners are given, a wrong model and late commands",
 }
-"""The benchmarks, each with what its worlds are."""
+"""The worlds of each benchmark in words, for rules."""
 RETREAT = 0.1
 """Least mean retreat that counts [m]; a turn of 90 deg alone gives 0.25 m."""
 MORE = 20.0
@@ -52,7 +52,8 @@ CENTRED = "pose cMo"
 
 def _jobs(where: str, condition: str, laws: Sequence[str], effort: Effort) -> Sequence[Job]:
     """Return the runs of some control laws in worlds (random scenarios) of a condition of a
-    benchmark (`where`); the worlds are drawn from the first seed on.
+    benchmark (`where`). The worlds are sealed ones, with the first seed as their public value (in a
+    quick check 100000, and only one world).
     """
     benchmark = load(where)
     first = FRESH if effort.first is None else effort.first
@@ -67,7 +68,9 @@ def _jobs(where: str, condition: str, laws: Sequence[str], effort: Effort) -> Se
 
 
 def _arrived(records: Sequence[Record]) -> Array:
-    """Return 1 for each run (n,) whose camera arrived at its goal, else 0."""
+    """Return 1 for each run (n,) whose camera arrived at its goal, with the target always in view,
+    else 0.
+    """
     score = load(FIRST).score  # also that of servo-v2
     return np.array([world_score(score, record).area for record in records])
 
@@ -78,8 +81,8 @@ def _left(records: Sequence[Record]) -> Array:
 
 
 def _retreat(laws: Sequence[str], evidence: Evidence) -> Verdict:
-    """Return the verdict on the camera's retreat from the target [m] with the first law (image
-    points), less the retreat with the second one (polar coordinates).
+    """Return the verdict on the claim P3-1 that the camera's retreat from the target with the first
+    law (image points) is more than 0.1 m longer than with the second one (polar coordinates).
     """
     runs = _runs(evidence, laws)
     found = {law: mean_of(column(of, "retreat_m")) for law, of in runs.items()}
@@ -129,7 +132,7 @@ def _verdict(
 
     Args:
         finding: The finding.
-        effect: Difference of the measure, with its interval.
+        effect: Difference of the measure between the two laws, with its interval.
         unit: Unit of the effect.
         measure: Name of the measure, with its unit.
         found: Mean of the measure, by law.

@@ -29,8 +29,8 @@ from tracking.statistics.verdicts import greater, not_worse
 
 SEEDS = 20
 FIRST = 2000
-"""Seeds 1000 to 1019 were run before, with draws that let the car drive through a toy: in the first
-picture the toy was part of the target.
+"""First seed of the claims but those at equal terms. Seeds 1000 to 1019 were run before, with draws
+that let the car drive through a toy: in the first picture the toy was part of the target.
 """
 FILTER = "kalman_cv"
 ESTIMATORS = ("none", FILTER)
@@ -143,8 +143,8 @@ def _table(records: list[Record]) -> list[list[str]]:
 
 
 def _judge_lag(evidence: Evidence) -> Verdict:
-    """Return the verdict on the claim P1-4 that the servo error is smaller with an estimate of the
-    target's motion.
+    """Return the verdict on the claim P1-4 that the servo error is more than five times smaller
+    with an estimate of the target's motion.
     """
     records = evidence.records
     without, found = (column(group(records, estimator=e), "servo_rms_px") for e in ESTIMATORS)
@@ -161,8 +161,8 @@ def _judge_lag(evidence: Evidence) -> Verdict:
 
 
 def _judge_sign(evidence: Evidence) -> Verdict:
-    """Return the verdict on the claim P1-5 that the target's estimated velocity has the right
-    sign.
+    """Return the verdict on the claim P1-5 that the target's estimated velocity has the right sign
+    in more than 90 % of the frames.
     """
     runs = group(evidence.records, estimator=FILTER)
     share = mean_percent(_agreement(runs))
@@ -356,9 +356,10 @@ EQUAL = 0.9
 """Least share of the filter's value that counts as equal: comparing with a rival that has less of
 both measures proves nothing."""
 FRESH = 4000
-"""First seed of the claims at equal terms: the runs from 2000 on were known when they were written.
-The gains are a pair whose measures were nearly alike on seeds 500 to 502, of loop gains 1 to 8 for
-the filter, and of 16 and 30 with loop gains 2, 3, 4, 6 for the integral."""
+"""First seed of the claims at equal terms (equal control effort or error): when these claims were
+written, the runs of seeds from 2000 on were known. Their gains are those for which the filter's and
+the rival's measure were nearly equal on seeds 500 to 502, of loop gains 1 to 8 for the filter, and
+of integral gains 16 and 30 with loop gains 2, 3, 4 and 6."""
 Judge = Callable[[Sequence[Record], Sequence[Record]], Verdict]
 """Function that returns the verdict on runs of the filter and a rival, without table and figure."""
 
@@ -381,8 +382,8 @@ def _judge(rival: Rival, judge: Judge, evidence: Evidence) -> Verdict:
 
 
 def _smoother(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
-    """Return the verdict on the claim that the Kalman filter (`own`) has smoother commands than a
-    rival estimator (`other`) at an equal error.
+    """Return the verdict on the claim that the Kalman filter (`own`) has more than 1.5 times
+    smoother commands than a rival estimator (`other`), at an error that is at most 0.1 px larger.
     """
     times = ratio(column(other, EFFORT), column(own, EFFORT))
     worse = difference(own, other, RMS)
@@ -396,8 +397,8 @@ def _smoother(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
 
 
 def _closer(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
-    """Return the verdict on the claim that the Kalman filter (`own`) has a smaller servo error than
-    a rival estimator (`other`).
+    """Return the verdict on the claim that a rival estimator (`other`) has more than twice the
+    servo error of the Kalman filter (`own`).
     """
     times = ratio(column(other, RMS), column(own, RMS))
     rougher = ratio(column(own, EFFORT), column(other, EFFORT))
@@ -412,9 +413,9 @@ def _closer(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
 
 
 def _more(compared: str, equal: str, own: Sequence[Record], other: Sequence[Record]) -> Verdict:
-    """Return the verdict on the claim that a rival estimator (`other`) has a larger value of the
-    measure `compared` than the Kalman filter (`own`), and an equal or larger value of the measure
-    `equal`.
+    """Return the verdict on the claim that, compared with the Kalman filter (`own`), a rival
+    estimator (`other`) has more than 1.1 times the value of the measure `compared`, and more than
+    0.9 times that of the measure `equal`.
     """
     times = ratio(column(other, compared), column(own, compared))
     kept = ratio(column(other, equal), column(own, equal))

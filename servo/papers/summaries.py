@@ -149,11 +149,11 @@ def lines(
 def dots(
     title: str, y: str, groups: Mapping[str, Array], logarithmic: Logarithmic = None
 ) -> Figure:
-    """Return a figure with one column of dots for each group of values (n,), such as one value for
-    each sequence.
+    """Return a figure with one column of dots for each group of values (n,), one value for each
+    sequence.
 
     Args:
-        title: Title of the figure.
+        title: Title of the figure, to which ", one dot a sequence" is added.
         y: Label of the y axis.
         groups: Values of each group, by the label below its column.
         logarithmic: Axis with a logarithmic scale, "x" or "y"; None: neither.
@@ -174,7 +174,7 @@ def intervals(title: str, x: str, groups: Mapping[str, Interval]) -> Figure:
 
     Args:
         title: Title of the figure.
-        x: Label of the x axis.
+        x: Label of the x axis, to which ", with 95 % intervals" is added.
         groups: Value and interval, by the label of its row.
     """
     figure, (axes,) = figures.panels(7.0, 1.0 + ROW_HEIGHT * len(groups))

@@ -40,8 +40,8 @@ def _one_size(tracker: Contender) -> Contender:
 
 
 def _jobs(effort: Effort) -> Sequence[Job]:
-    """Return the runs of the particle filter and of mean shift, with published and tuned
-    settings.
+    """Return the runs of the particle filter, of mean shift, and of mean shift without its search
+    for the target's size, with published and tuned settings.
     """
     pairs = [(of(FILTER), of(SHIFT)) for of in (published, tuned)]
     trackers = [c for ours, shift in pairs for c in (ours, shift, _one_size(shift))]
@@ -49,8 +49,8 @@ def _jobs(effort: Effort) -> Sequence[Job]:
 
 
 def _judge_rmse(evidence: Evidence) -> Verdict:
-    """Return the verdict on the claim P2-1 that the particle filter's RMSE of the target's centre
-    is smaller than that of mean shift.
+    """Return the verdict on the claim P2-1 that mean shift's RMSE of the target's centre is more
+    than 2.5 times that of the particle filter.
     """
     runs = evidence.trackers
     rmse = {label: column(found, "rmse_px") for label, found in runs.items()}
@@ -89,7 +89,7 @@ def _jobs_likeness(effort: Effort) -> Sequence[Job]:
 
 def _judge_likeness(evidence: Evidence) -> Verdict:
     """Compute Bhattacharyya coefficients of histograms along the particle filter's tracks, and
-    return the verdict on the claim P2-2.
+    return the verdict on the claim P2-2 (see `judged`).
     """
     found = [
         coefficients(published(FILTER), run.seed, states_found(evidence.folder, run))

@@ -166,7 +166,8 @@ AS_PUBLISHED: dict[str, Settings] = {
     "mk_pf-75": {"particles": 75},
     "texture_ms": {"scale": True},
 }
-"""Settings beside the presets: the KAMS paper's numbers of particles, the hybrid's velocity."""
+"""Settings that `published` adds to the presets of the papers, such as the KAMS paper's numbers of
+particles, by name of the tracker."""
 
 
 def tuned(name: str) -> Contender:

@@ -94,10 +94,14 @@ def section(folder: Path, study: StudyFile) -> Section:
 
 def _compared(trackers: Sequence[Rank]) -> list[str]:
     best = trackers[0].tracker
-    worse = [t.tracker for t in trackers[1:] if t.p < SURE]
+    # The test is that of each tracker against the best, which may be worse by the test.
+    surely = [(t.tracker, t.against_best) for t in trackers[1:] if t.p < SURE]
+    better = [name for name, test in surely if test and test.wins > test.losses]
+    worse = [name for name, test in surely if test and test.wins < test.losses]
     alike = [t.tracker for t in trackers[1:] if t.p >= SURE]
     sentences = {
         f"{best} tracks for longer than {', '.join(worse)} (McNemar, p < {SURE:g}).": worse,
+        f"{', '.join(better)} tracks for longer than {best} (McNemar, p < {SURE:g}).": better,
         f"Not distinguished from {best} by these runs: {', '.join(alike)}.": alike,
     }
     return [sentence for sentence, others in sentences.items() if others]

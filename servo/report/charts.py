@@ -156,7 +156,8 @@ def curves(
             )
         axes.set(xlabel=x.title, ylabel=y.title)
         _scale(axes, x, [c.x for c in drawn], "x")
-        _scale(axes, y, [v for c in drawn for v in (c.y, c.low, c.high) if v is not None], "y")
+        ends = [v for c in drawn for v in (c.low, c.high) if v is not None]
+        _scale(axes, y, [c.y for c in drawn], "y", ends)
         if any(c.points or c.marks for c in drawn):
             axes.margins(x=0.05)
         named = [c for c in drawn if not c.faint and (len(drawn) > 1 or c.dashed)]
@@ -283,20 +284,33 @@ def _draw(axes: Axes, curve: Curve) -> None:
     axes.plot(curve.x, curve.y, dashes, color=curve.colour, lw=width, alpha=opacity, label=label)
 
 
-def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x", "y"]) -> None:
+def _scale(
+    axes: Axes,
+    scale: Scale,
+    values: Sequence[Array],
+    which: Literal["x", "y"],
+    ends: Sequence[Array] = (),
+) -> None:
     """Set the limits of an axis; make it logarithmic, with limits from the values, if the ratio of
-    the largest to the lower quartile of the positive values is above `scale.log_from`.
+    the largest to the lower quartile of the positive values is above `scale.log_from`. `ends` are
+    ends of intervals: a long interval hides no value.
     """
-    every = np.concatenate([np.zeros(0), *values])
-    above = every[np.isfinite(every) & (every > ROUNDING)]
+    drawn = _above_rounding(values)
+    above = _above_rounding([*values, *ends])
     if scale.log_from is not None and len(above) and _range(above) > scale.log_from:
-        limits = (max(above.min(), above.max() / DEEPEST) / MARGIN, above.max() * MARGIN)
+        deepest = drawn.max(initial=above.min()) / DEEPEST
+        limits = (max(above.min(), deepest) / MARGIN, above.max() * MARGIN)
         axes.set(**{f"{which}scale": "log", f"{which}lim": limits})
         plain_logarithm(axes.xaxis if which == "x" else axes.yaxis)
     elif scale.low is not None or scale.high is not None:
         axes.set(**{f"{which}lim": (scale.low, scale.high)})
     if which == "y" and scale.high is None:
         hide_rounding(axes)
+
+
+def _above_rounding(values: Sequence[Array]) -> Array:
+    every = np.concatenate([np.zeros(0), *values])
+    return every[np.isfinite(every) & (every > ROUNDING)]
 
 
 def _range(values: Array) -> float:

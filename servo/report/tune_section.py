@@ -110,7 +110,12 @@ class Tuned:
         if not self.best.settings:
             return f"No candidate is better than the scenario {AS_IT_IS}."
         gain = self.gain
-        certain = gain is None or gain.low > 0
+        if gain is None:
+            return (
+                f"The best settings are {chosen}. On {len(self.after)} fresh seeds "
+                f"{self.aim.minimise} has no value in common with the scenario {AS_IT_IS}."
+            )
+        certain = gain.low > 0
         return (
             f"The best settings are {chosen}: {self.aim.minimise} is lower by {spread(gain)} as a "
             f"mean over {len(self.after)} fresh seeds.{'' if certain else ' This is not certain.'}"

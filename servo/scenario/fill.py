@@ -160,16 +160,21 @@ def _changed(begin: Any, given: BaseModel, place: str) -> Any:
         raise WrongSetting(f"{place}: {error}", place) from None
 
 
+OF_NUMBERS = ("float_type", "float_parsing")
+"""Errors of a setting that may be any number, not only a whole one."""
+
+
 def _nearest(errors: list[ErrorDetails]) -> ErrorDetails:
     """Return the error that helps the user most: one about an unknown key, else the first. For a
     setting that may have several types, it is the error of the type that matched the largest part
-    of the value.
+    of the value; of whole and other numbers, that of the others.
     """
     errors = sorted(errors, key=lambda error: error["type"] != "extra_forbidden")
     first = errors[0]["loc"]
     begin = tuple(itertools.takewhile(_is_place, first))
     rivals = errors if begin != first else errors[:1]
-    return max((e for e in rivals if e["loc"][: len(begin)] == begin), key=lambda e: len(e["loc"]))
+    alike = (error for error in rivals if error["loc"][: len(begin)] == begin)
+    return max(alike, key=lambda error: (len(error["loc"]), error["type"] in OF_NUMBERS))
 
 
 def _is_place(part: int | str) -> bool:

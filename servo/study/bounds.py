@@ -83,19 +83,15 @@ def missed_bounds(
 
 def missed_lines(missed: Sequence[MissedBound], measures: Mapping[str, float | None]) -> list[str]:
     """Return a sentence for each missed bound. If no measure that counts from measure.after on has
-    a value, because the run ended before that time, the last sentence names the measures of all
-    missed bounds without a finite value, and these get no sentence of their own.
+    a value, because the run ended before that time, the last sentence names those of them that
+    miss their bound, and these get no sentence of their own.
 
     Args:
         missed: The bounds that the run did not keep.
         measures: All measures of the run by name; None or nan: no value.
     """
     is_short = all((value := measures.get(name)) is None or np.isnan(value) for name in COUNTED)
-    short = [
-        bound.name
-        for bound in missed
-        if is_short and (bound.found is None or bound.name in COUNTED)
-    ]
+    short = [bound.name for bound in missed if is_short and bound.name in COUNTED]
     lines = [str(bound) for bound in missed if bound.name not in short]
     if short:
         lines.append(f"{', '.join(short)}: no value, because the run ended before measure.after")

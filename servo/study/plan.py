@@ -17,7 +17,7 @@ from servo.scenario.draws import LAWS, Draw, Value, flat, law_of
 from servo.scenario.tables import SECTIONS
 from servo.scenario.toml import Table, is_table
 from servo.study.run import SCENARIO, Job
-from servo.study.scenario_run import Named, StudiedScenario
+from servo.study.scenario_run import MEASURED, Named, StudiedScenario
 from tracking.trackers import general_kinds
 
 SPANS = {"linspace": np.linspace, "geomspace": np.geomspace}
@@ -204,6 +204,10 @@ def _has_equal(values: list[Any]) -> bool:
     return len(set(whole)) < len(whole) or any(pair in made[:at] for at, pair in enumerate(made))
 
 
+OF_RESULTS = (SCENARIO, "seed", "repeats", "outcome", "success", "missed")
+"""Columns of a study's results that are neither settings nor measures."""
+
+
 def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:
     """Return the groups of settings in a study's table [named], as {axis: {group: {key: value}}}
     with dotted keys, such as "tracker.kind".
@@ -219,9 +223,10 @@ def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:
     found: Named = {}
     for axis, groups in table.items():
         at = f"{place}: named.{axis}"
-        if axis in (*SECTIONS, *PLUGINS, *LISTS, SCENARIO, "seed"):
+        if axis in (*SECTIONS, *PLUGINS, *LISTS, *OF_RESULTS, *MEASURED) or "." in axis:
             raise Mistake(
-                f"{at}: '{axis}' is reserved for a setting or section; give the axis another name"
+                f"{at}: '{axis}' is reserved for a setting, a section or a result; give the axis "
+                "another name"
             )
         found[axis] = {name: flat(group, f"{at}.{name}") for name, group in groups.items()}
         for name, group in found[axis].items():

@@ -241,7 +241,8 @@ class Failure:
         """
         trace = "".join(traceback.format_exception(error))
         if isinstance(error, OSError) and error.errno in FULL:
-            return Failure(trace, f"{error.filename}: {error.strerror}", full=True)
+            place = f"{error.filename}: " if error.filename else ""
+            return Failure(trace, f"{place}{error.strerror}", full=True)
         # A thread that cannot be started has no memory for its stack.
         if isinstance(error, MemoryError) or "can't start new thread" in str(error):
             return Failure(

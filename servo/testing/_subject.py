@@ -22,8 +22,8 @@ REMEMBERS = "a second start did not forget the first; reset in start all that a 
 
 @contextmanager
 def raising(what: str) -> Generator[None]:
-    """Raise an exception of the tested component in the block, or in a decorated function, again as
-    `BrokenContract`; `what` begins the sentence, such as "the component raised".
+    """Turn an exception that the tested component raises in the block, or in a decorated function,
+    into `BrokenContract`; `what` begins its sentence, such as "the component raised".
     """
     try:
         yield
@@ -59,7 +59,8 @@ def config_of(place: str, part: object) -> Any:
 
 
 def built(place: str, config: Any, given: object = None) -> Any:
-    """Build a component, and return it in a wrapper that checks the results of its methods.
+    """Build a component, and return it in a wrapper that checks the results of its methods; a robot
+    or target, which has no such methods, is returned without a wrapper.
 
     Args:
         place: The component's table in a scenario, such as "tracker".

@@ -129,8 +129,8 @@ def _check_jacobian(machine: Robot, data: Any, home: Array) -> None:
 @contract
 def check_target(target: object) -> None:
     """Check that a target works as `sim.models.target.Target` requires: its model can be added to
-    the simulated room, has visible geoms, moves as one rigid body, and has a reference rectangle
-    with the right order of corners and sides from 1 mm to 2 m.
+    the simulated room, has geoms, moves as one rigid body, and has a level reference rectangle with
+    the right order of corners and sides from 1 mm to 2 m.
 
     Args:
         target: A settings class `Config` or its instance, the name of a shipped kind, or
@@ -145,8 +145,8 @@ def check_target(target: object) -> None:
     b = Outline(outline).width
     require(
         (outline[1, 0] > outline[0, 0]) and outline[0, 1] > outline[3, 1],
-        "the outline's corners are in another order: "
-        "from (-x, +y) over (+x, +y) and (+x, -y) to (-x, -y)",
+        "the outline's corners are in the wrong order; order them from (-x, +y) over (+x, +y) and "
+        "(+x, -y) to (-x, -y)",
     )
     sized = min(a, b) >= SHORTEST_SIDE and max(a, b) <= LONGEST_SIDE
     limits = f"{SHORTEST_SIDE:g} to {LONGEST_SIDE:g}"

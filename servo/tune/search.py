@@ -24,7 +24,7 @@ from sim.types import Array
 NAMES = (SUCCESS_RATE, *(name for name in MEASURED if name not in TIMES))
 """Names of what can be minimised or bounded: all measures but computing times, which differ when a
 run is repeated."""
-CONDITION = re.compile(r"\s*(\w+)\s*([<>]=)\s*([-+]?\d+\.?\d*(?:e[-+]?\d+)?)\s*")
+CONDITION = re.compile(r"\s*(\w+)\s*([<>]=)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 MISSING = 10.0
 """Excess that counts for a run without a value, as a share of the bound."""
 LOST = 1e9

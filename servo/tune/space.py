@@ -58,8 +58,11 @@ def _read(text: str) -> Draw:
     check_key(key, at)
     if found is None:
         return Draw(key, "choice", tuple(assignment(f"{key}={part}")[1] for part in parts))
+    low, high = float(found[1]), float(found[2])
+    if low >= high:
+        raise Mistake(f"{at}: write the lower end of the range first: {high:g}:{low:g}")
     law = "log_uniform" if found[3] else "uniform"
-    return Draw(key, *law_of({law: [float(found[1]), float(found[2])]}, at, LAWS))
+    return Draw(key, *law_of({law: [low, high]}, at, LAWS))
 
 
 def usual(scenario: Scenario, own: Table) -> list[Draw]:

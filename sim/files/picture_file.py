@@ -102,7 +102,12 @@ def _read(data: bytes, flags: int) -> np.ndarray:
     with silent_libraries():
         try:
             image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-        except cv2.error:  # it is empty, or has more pixels than OpenCV reads
+        except cv2.error as error:  # it is empty, or has more pixels than OpenCV reads
+            if "CV_IO_MAX_IMAGE" in str(error):
+                raise ValueError(
+                    "this picture has too many pixels: both sides should be 1 to "
+                    f"{LARGEST_PICTURE} px"
+                ) from None
             image = None
     if image is None:
         raise ValueError(f"this picture cannot be decoded; known formats are {FORMATS}")

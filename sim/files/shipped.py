@@ -10,8 +10,8 @@ from sim.files.packages import is_file
 
 FOLDER_NAMES = (".", "..")
 """Names that are always paths, though they have no slash."""
-FOLDERS = ("robots", "targets")
-"""Folders of the shipped robots and targets in `scenes`."""
+FOLDERS = ("robots", "targets", "grounds")
+"""Folders of the shipped robots, targets and pictures of grounds in `scenes`."""
 
 
 class SameName(Notice):
@@ -27,7 +27,7 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
     A name with a slash is always a path. The full name of a shipped file, such as "duck.obj",
     selects it unless the working directory has a file of this name. A warning says which file is
     used if a bare name selects a shipped file though the working directory has one of its full
-    name, or if the user's file is used though a shipped robot or target has its name.
+    name, or if the user's file is used though a shipped robot, target or ground has its name.
 
     Args:
         name: Such as "duck", "duck.obj" or "mine/duck.obj".
@@ -57,8 +57,8 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
 
 
 def warn_of_shipped(name: str) -> None:
-    """Warn that the user's own file `name` is used, if a shipped robot or target has a file of the
-    same name; do nothing if the name has a slash.
+    """Warn that the user's own file `name` is used, if a shipped robot, target or ground has a file
+    of the same name; do nothing if the name has a slash.
     """
     if "/" not in name and any(
         (resources.files("scenes") / folder / name).is_file() for folder in FOLDERS

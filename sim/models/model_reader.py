@@ -144,12 +144,27 @@ def _check_limit(joint: Element) -> None:
     limit = joint.find("limit")
     if limit is None:
         return
-    lower, upper = (float(limit.get(key, "0")) for key in ("lower", "upper"))
+    lower, upper = (_number(joint, limit, key) for key in ("lower", "upper"))
     if lower > upper:
         raise ValueError(
             f"the lower limit {lower:g} of the joint '{joint.get('name', '')}' is above its upper "
             f"limit {upper:g}: correct them"
         )
+
+
+def _number(joint: Element, limit: Element, key: str) -> float:
+    """Return a number of a joint's limits in a URDF file; 0 if the file does not give it.
+
+    Raises:
+        ValueError: The file gives no number.
+    """
+    given = limit.get(key, "0")
+    try:
+        return float(given)
+    except ValueError:
+        raise ValueError(
+            f"the joint '{joint.get('name', '')}' has {key} = '{given}': expected a number"
+        ) from None
 
 
 def joint_speeds(path: Path) -> dict[str, float]:
@@ -164,7 +179,7 @@ def joint_speeds(path: Path) -> dict[str, float]:
     found: dict[str, float] = {}
     for joint in ElementTree.parse(path).iter("joint"):
         limit = joint.find("limit")
-        speed = 0.0 if limit is None else float(limit.get("velocity", "0"))
+        speed = 0.0 if limit is None else _number(joint, limit, "velocity")
         if SLOWEST <= speed <= FASTEST:
             found[joint.get("name", "")] = speed
     return found

@@ -48,6 +48,9 @@ class RecordingRenderer:
         self._shrunk = max(1, int(recorded.camera.focal / view.focal))
         self._reader = ThreadPoolExecutor(1, "recording")
         self._shown: Shown = iter(())
+        height, width = recorded.camera.height, recorded.camera.width
+        self._black = self._reduced(np.zeros((height, width, 3), np.uint8))
+        """The first picture, if that of the recording cannot be decoded."""
         self._latest = -1
         """Number of the last picture that was read; -1: none was."""
         self._pictures: dict[int, Image] = {}
@@ -90,18 +93,16 @@ class RecordingRenderer:
     def _read(self, number: int) -> None:
         """Read on to the picture with a number, or to the last one; for an earlier picture that is
         not kept, start again from the first. A picture that cannot be decoded is replaced by the
-        one before it; without such a one it is left out.
+        one before it, the first one by a black one.
         """
         if self._latest < 0 or number < self._latest - 1:
             self._shown = self._recorded.pictures()
             self._latest = -1
         while self._latest < min(number, len(self._recorded.times) - 1):
             _, image = next(self._shown, (0.0, None))
-            before = self._pictures.get(self._latest)
+            before = self._pictures.get(self._latest, self._black)
             self._latest += 1
-            picture = before if image is None else self._reduced(image)
-            if picture is not None:
-                self._pictures[self._latest] = picture
+            self._pictures[self._latest] = before if image is None else self._reduced(image)
             self._pictures.pop(self._latest - 2, None)
 
     def _reduced(self, image: Image) -> Image:

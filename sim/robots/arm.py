@@ -11,7 +11,7 @@ ELBOW_UP = (0.0, -1.2, 1.2, 0.0, 0.0, 0.0)
 """Joint positions [rad] at which the search for a start pose begins: the elbow is above the line
 from shoulder to wrist."""
 INVERSION = Inversion(weakest=0.1, damping=0.1)
-"""Chosen by hand when the arm was added."""
+"""Settings of the inverse kinematics, chosen by hand when the arm was added."""
 
 
 @dataclass(frozen=True, slots=True)

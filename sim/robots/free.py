@@ -14,7 +14,9 @@ from sim.kinematics.robot import Design, Drives, Inversion
 from sim.robots.mjcf import shipped
 
 HOMES = tuple((0.0, 0.0, 1.0, 0.0, 0.0, k * pi / 2) for k in range(4))
-"""A metre above the table, in four directions: a half turn away the search has no direction."""
+"""Joint positions [m, m, m, rad, rad, rad] at which the search for a start pose begins: 1 m above
+the table, turned in four directions, as the search could not find a way to a pose that is a half
+turn away."""
 INVERSION = Inversion(weakest=0.001, damping=0.001, exact=True)
 """Its joints have no limits of rate: damping only keeps numbers finite in a singular pose."""
 

@@ -1,8 +1,8 @@
 """Robot: a camera that only turns, by pan and tilt about axes that meet in its centre; at zero it
 looks straight down.
 
-Its pictures of a scene follow exactly from those of a camera that stands in its place, as those of
-a recording (`sim.recording`) do.
+Its pictures of a scene can be computed exactly from those of a fixed camera with the same centre,
+such as the camera of a recording (`sim.recording`).
 """
 
 from dataclasses import dataclass, replace
@@ -17,13 +17,15 @@ from sim.robots.mjcf import shipped
 
 Turn = Annotated[float, Ge(-85), Le(85)]
 INVERSION = Inversion(weakest=0.01, damping=0.01)
-"""Chosen by hand: within 85 degrees neither axis becomes parallel to the other."""
+"""Settings of the inverse kinematics, chosen by hand: within 85 degrees of tilt the pan axis is not
+parallel to the optical axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config(Drives):
     """Settings of the turning camera: ranges of pan, to the right, and tilt, upwards [deg], and
-    errors of drives and encoders. In a recording the ranges end where the view would leave it.
+    errors of drives and encoders. In a recording the ranges by default end where the view would
+    leave the recording.
     """
 
     pan: tuple[Turn, Turn] = (-85.0, 85.0)

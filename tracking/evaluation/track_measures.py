@@ -238,14 +238,16 @@ def _success_of(c: Comparison, estimates: NDArray[np.intp]) -> float:
 
 def _state_rmse(c: Comparison, column: int) -> float:
     """Return the root mean square error of theta (column 2) [deg], or the relative one of the scale
-    (column 3), over all frames, also those without the target; nan if the true states are unknown.
+    (column 3), over the frames that show the target; nan if the true states are unknown.
     """
     if c.states is None:
         return float("nan")
-    difference = c.track.states[: len(c.states), column] - c.states[:, column]
+    present = c.present[: len(c.states)]
+    true = c.states[present, column]
+    difference = c.track.states[: len(c.states), column][present] - true
     if column == 2:
         return float(np.degrees(np.sqrt(np.mean(np.angle(np.exp(1j * difference)) ** 2))))
-    return float(np.sqrt(np.mean((difference / c.states[:, column]) ** 2)))
+    return float(np.sqrt(np.mean((difference / true) ** 2)))
 
 
 def _relative(c: Comparison) -> Array:

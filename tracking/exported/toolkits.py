@@ -20,6 +20,9 @@ from tracking.sequences.quadrilateral import boxes, corners_of, placement
 from tracking.sequences.sources import RATE
 from tracking.types import Estimate, Status, Tracker
 
+SIDES = 4
+"""Number of points of a polygon that is a region."""
+
 Rect = tuple[float, float, float, float]
 """Left, top, width, height [px]."""
 
@@ -265,8 +268,9 @@ def run_vot(
 
     Raises:
         ValueError: There is no such kind or preset, or a setting has a wrong value; a picture
-            cannot be read or decoded, or is too large; or the region is a polygon without exactly
-            four points, has a side shorter than 4 px, or is mostly outside the first picture.
+            cannot be read or decoded, or is too large; or the region is a mask or a polygon without
+            exactly four points, has a side shorter than 4 px, or is mostly outside the first
+            picture.
         TypeError: The tracker has no such setting.
     """
     given = handle.region()
@@ -274,6 +278,13 @@ def run_vot(
     if not path:
         return
     points = getattr(given, "points", None)
+    is_mask = points is None and not hasattr(given, "width")
+    if is_mask or (points is not None and len(points) != SIDES):
+        found = "a mask" if points is None else f"a polygon of {len(points)} points"
+        raise ValueError(
+            f"the region is {found}: expected a rectangle or a polygon of {SIDES} points, as "
+            "vot.VOT('rectangle') gives"
+        )
     box = () if points else (given.x, given.y, given.width, given.height)
     follower = Follower(configured(kind, preset, **settings), seed, rate)
     scored = len(inspect.signature(handle.report).parameters) > 1

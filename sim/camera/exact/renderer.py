@@ -91,7 +91,7 @@ class ExactRenderer:
         twice the triangle's area (f, 4)."""
         self._radii = np.array([np.linalg.norm(s[:, :3], axis=1).max(initial=0) for s in solids])
         self._rgba, self._shine = _looks(model)
-        visible = mujoco.MjvOption().geomgroup[model.geom_group] * model.geom_rgba[:, 3] > 0
+        visible = mujoco.MjvOption().geomgroup[model.geom_group] * self._rgba[: model.ngeom, 3] > 0
         self._is_shown = np.append(visible, sky >= 0) & (counts > 0)
         self._backdrop = Backdrop(model, view)
         self._before_table = self._is_shown.copy()
