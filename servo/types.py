@@ -253,8 +253,8 @@ class Command:
     mode: Mode = Mode.SERVOING
     """What the controller is doing."""
     trace: Trace | None = None
-    """Intermediate results. None: the loop records the measured features and their errors, if the
-    controller does not act on pictures."""
+    """Intermediate results; None for a controller without features, or that does not return
+    them."""
     limits: tuple[str, ...] = ()
     """Names of the limits that changed the twist, where the controller knows them, such as "view
     left", "joint 2" or "speed"."""

@@ -252,6 +252,7 @@ def test_scores_by_hand():
     assert list(first.points.values()) == pytest.approx([100, 100, 50, 50])
     # Three wins and a tie of four worlds.
     assert first.beats_next == pytest.approx(3.5 / 4)
+    assert second.beats_next is None
     # Four worlds are too few to tell two contestants apart.
     assert (first.first, first.last) == (1, 2)
 
@@ -1184,14 +1185,14 @@ def test_machines_find_the_rows_and_their_fields():
             (
                 '"area":[1.0]',
                 wrong,
-                "the content of this file is wrong: worlds: value error, columns of equal length are needed: world, area, held, picture, last; run",
+                "the content of this file is wrong: worlds: value error, columns of equal length are needed: world, area, held, picture, last; repeat",
             )
             for wrong in ('"area":[1.0,1.0]', '"area":1.0', '"area":null', '"world":["x","y"]')
         ],
         (
             '"world":["plain-00"],',
             "",
-            "the content of this file is wrong: worlds: value error, columns of equal length are needed: world, area, held, picture, last; run",
+            "the content of this file is wrong: worlds: value error, columns of equal length are needed: world, area, held, picture, last; repeat",
         ),
     ],
 )

@@ -88,7 +88,7 @@ def test_keys_that_are_unknown_pass_and_missing_ones_do_not(file, tmp_path):
     path.write_text(json.dumps({k: v for k, v in document.items() if k != missing}))
     with pytest.raises(
         Mistake,
-        match=rf"file\.json: the content of this file is wrong: {missing}: field required; run ",
+        match=rf"file\.json: the content of this file is wrong: {missing}: field required; repeat ",
     ):
         type(file).read(path)
 

@@ -243,10 +243,12 @@ def test_outcomes(steps):
     limited = [replace(s, limited=True, joint_limits=("elbow (range)",)) for s in far]
     assert report(limited).outcome is Outcome.LIMIT_HIT
     assert report(limited).limits == ("elbow (range)",)
-    now_and_then = [*far[:-9], replace(far[-9], limited=True, joint_limits=("elbow (range)",))]
-    now_and_then += far[-8:]
-    assert report(now_and_then).outcome is Outcome.LIMIT_HIT
-    assert report(now_and_then).limits == ("elbow (range)",)
+    for every, outcome in ((5, Outcome.LIMIT_HIT), (20, Outcome.TIMED_OUT)):
+        now_and_then = [
+            b if i % every else a for i, (a, b) in enumerate(zip(limited, far, strict=True))
+        ]
+        assert report(now_and_then).outcome is outcome
+        assert report(now_and_then).limits == ("elbow (range)",)
     fast = [*far[:-1], replace(far[-1], limited=True, joint_limits=("elbow (speed)",))]
     assert (report(fast).outcome, report(fast).limits) == (Outcome.TIMED_OUT, ())
     lost = report(with_status(limited, Status.LOST, range(60, 120)))

@@ -209,8 +209,8 @@ def test_the_command_says_what_it_runs_again_and_ends_with_the_same_numbers(
     code, _, err = call(monkeypatch, capfd, "sweep", "mine.toml", "--out", "out")
     assert (code, err) == (
         0,
-        "servobench: out/runs.sqlite: the record of run 000002 is damaged (the first of 1 such "
-        "runs); these runs are done again\n",
+        "servobench: out/runs.sqlite: damaged records, or records of other runs: 1, the first that of "
+        "run 000002; these runs are done again\n",
     )
     assert untimed(folder) == before
 

@@ -179,7 +179,7 @@ def test_a_box_without_an_area_is_a_sentence():
         follow(settings)
     assert str(refused.value) == (
         f"TraX server '{settings.command}' answered [1.0, 2.0, -3.0, 4.0]; expected a box of left, "
-        "top, width, height [px] (with an area, or all zeros: not seen), (ok, box), or a mapping "
+        "top, width, height [px] (finite numbers up to 1e+06, with an area, or all zeros: not seen), (ok, box), or a mapping "
         "with some of the keys box, angle, corners, seen, confidence"
     )
 

@@ -209,6 +209,24 @@ def test_a_csv_may_count_its_frames_from_one(tmp_path):
     np.testing.assert_array_equal(truth.read(written(tmp_path, text)), [BOX, BOX])
 
 
+@pytest.mark.parametrize(
+    ("frames", "message"),
+    [
+        (
+            (0, 1, 10),
+            "line 4: the frame is 10, expected 2: sort the lines by their frames, and give ",
+        ),
+        ((1, 0, 2), "line 3: the frame is 0, expected 2: sort the lines"),
+        (("0", "1", "c"), "line 4: the frame is 'c', expected a number: correct it"),
+    ],
+)
+def test_a_csv_whose_frames_are_not_in_order_is_refused(tmp_path, frames, message):
+    lines = [f"{frame},10,20,30,40\n" for frame in frames]
+    with pytest.raises(ValueError) as refused:
+        truth.read(written(tmp_path, "frame,x,y,w,h\n" + "".join(lines)))
+    assert message in str(refused.value)
+
+
 def test_an_unknown_format_is_refused():
     with pytest.raises(ValueError) as refused:
         truth.Format.named("coco")

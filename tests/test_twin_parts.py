@@ -366,11 +366,12 @@ def verdict(
     stamped=True,
     stands=False,
     late=0.0,
+    **stated,
 ):
     fits = Fits(
         offset, diagnosis or diagnosed(), at or mount(), at or mount(), tracks, axes, stands
     )
-    return judge(fits, Trust(focal, along, believed, late, stamped=stamped))
+    return judge(fits, Trust(focal, along, believed, late, stamped=stamped, **stated))
 
 
 def rows(found):
@@ -593,6 +594,19 @@ def test_a_stated_mount_is_compared_with_the_found_one(stated, sentence):
         assert sentence.replace(" z)", " -z)") in (said, said.replace(" z)", " -z)"))
     else:
         assert said == sentence
+
+
+def test_a_mount_of_the_scenario_is_named_and_the_found_one_relative_to_it():
+    found = verdict(
+        believed=believed_mount((0.02, 0, 0.01, 0, 20, 0)),
+        stated_by="the scenario's mount",
+        is_relative=True,
+    )
+    (row,) = (each for each in found.findings if each.what.startswith("mount: against"))
+    assert (row.what, row.change) == (
+        "mount: against the scenario's mount",
+        "set the rotation that is found here relative to the scenario's mount, or calibrate the mount",
+    )
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ def answering(answer):
 
 
 EXPECTED = (
-    "expected a box of left, top, width, height [px] (with an area, or all zeros: not seen), "
+    "expected a box of left, top, width, height [px] (finite numbers up to 1e+06, with an area, or all zeros: not seen), "
     "(ok, box), or a mapping with some of the keys box, angle, corners, seen, confidence"
 )
 

@@ -57,9 +57,9 @@ class Standing:
     last: int
     """Best and worst rank that the contestant may have: after all that are significantly better,
     and before all that are significantly worse."""
-    beats_next: float
-    """Share of worlds in which the contestant is better than the next one; ties count half, so that
-    the last contestant, which is compared with itself, has 0.5."""
+    beats_next: float | None
+    """Share of worlds in which the contestant is better than the next one; ties count half. None
+    for the last contestant."""
     points: dict[str, float]
     """Points in each world, by its key; the score is their mean."""
     slowest: float | None
@@ -163,7 +163,7 @@ def standings(rows: Sequence[Row]) -> list[Standing]:
     order = sorted(points, key=lambda name: -float(np.mean(list(points[name].values()))))
     bounds = () if PERFECT in by_name else SHARE  # what is better than `perfect` has more than 100
     better = _better(points, order)
-    after = [*order[1:], *order[-1:]]
+    after = [*order[1:], None]
     return [
         Standing(
             row=compared[name],
@@ -173,12 +173,19 @@ def standings(rows: Sequence[Row]) -> list[Standing]:
             held=mean_of(np.array([float(w.held) for w in compared[name].worlds.values()]), *SHARE),
             first=1 + sum((other, name) in better for other in order),
             last=len(order) - sum((name, other) in better for other in order),
-            beats_next=float(np.mean(np.heaviside(_gaps(points[name], points[following]), 0.5))),
+            beats_next=None if following is None else _share(points[name], points[following]),
             points=points[name],
             slowest=_slowest(compared[name], compared.get(FROZEN)),
         )
         for name, following in zip(order, after, strict=True)
     ]
+
+
+def _share(points: dict[str, float], others: dict[str, float]) -> float:
+    """Return the share of worlds in which points are above another contestant's; ties count
+    half.
+    """
+    return float(np.mean(np.heaviside(_gaps(points, others), 0.5)))
 
 
 def _slowest(row: Row, frozen: Row | None) -> float | None:

@@ -87,6 +87,8 @@ def run(
     chosen = contestants(benchmark, given, changes)
     gl.is_there()
     if verify is not None:
+        if dry_run:
+            raise Mistake("--dry-run has no effect with --verify: leave one of them out")
         return _verify(
             benchmark, verify, chosen if given else None, workers, console, np.random.default_rng()
         )

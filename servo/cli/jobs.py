@@ -151,8 +151,9 @@ def complete_jobs(
     """
     if store.damaged:
         complain(
-            f"{store.folder / RUNS}: {len(store.damaged)} records are damaged or of other runs, "
-            f"the first that of run {store.damaged[0]}; these runs are done again"
+            f"{store.folder / RUNS}: damaged records, or records of other runs: "
+            f"{len(store.damaged)}, the first that of run {store.damaged[0]}; these runs are done "
+            "again"
         )
     plain(console, f"{title}: {len(jobs):,} runs, {len(store.done):,} of them finished")
     failed = 0

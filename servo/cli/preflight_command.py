@@ -39,7 +39,7 @@ from servo.twin.readings import (
 )
 from servo.twin.still_tag import FEWEST, StillTag, TagSightings
 from servo.twin.tracks import Tracks, follow
-from servo.twin.verdict import Finding, State, Trust, believed_mount
+from servo.twin.verdict import MOUNT_OPTION, Finding, State, Trust, believed_mount
 from servo.twin.wiggle import rates
 from servo.types import DOF
 from sim.types import Camera
@@ -48,6 +48,8 @@ from tracking.sequences.bag_file import is_bag
 from tracking.sequences.sources import Picture
 
 PAGE = "report.html"
+FARTHEST_MOUNT = 5.0
+"""Largest coordinate of a stated mount [m]."""
 ASSUMED = 60.0
 """Horizontal field of view of a camera of which nothing is known [deg]."""
 RATE = 30.0
@@ -132,6 +134,15 @@ class Given:
         """
         return log_table(self.log, self.scenario, self.motion, self.commands)
 
+    @property
+    def stated_by(self) -> str:
+        """What states the camera's mount, in words."""
+        if self.mount is not None:
+            return MOUNT_OPTION
+        if self.eye_to_hand:
+            return "camera.pose"
+        return "the log's camera poses" if self.scenario is None else "the scenario's mount"
+
 
 def run(
     log: Path | None, video: str | None, wiggle: Path | None, out: Path | None, **options: object
@@ -159,6 +170,8 @@ def run(
         write_wiggle(wiggle, scenario if isinstance(scenario, str) else None)
         return 0
     given = Given.of(log, video, **options)
+    if given.scenario is not None:
+        load(given.scenario)  # a log of the hand does not need it, but the next command does
     compared, *_ = comparison(given, given.table())
     show(compared)
     folder = prepare(out, f"preflight-{given.log.stem}")
@@ -255,10 +268,20 @@ def comparison(given: Given, table: pa.Table) -> tuple[Comparison, Camera, float
         given.late,
         _tag(given, sightings, camera),
         stamped,
+        given.stated_by,
+        is_relative=given.mount is None and not given.eye_to_hand,
     )
     with progress(console, "comparing", 1 + len(corrections(smooth))) as tick:
         compared = compare(smooth, tracks, trust, tick)
     return _with_commands(compared, given, table), camera, float(tracks.times[0])
+
+
+AS_LOGGED = Finding(
+    "commands",
+    "they do not fit the logged motion, but this is wrong itself (see the row mistake)",
+    "correct the log's motion, and compare again: only then the commands can be judged",
+    State.UNKNOWN,
+)
 
 
 def _with_commands(compared: Comparison, given: Given, table: pa.Table) -> Comparison:
@@ -272,6 +295,9 @@ def _with_commands(compared: Comparison, given: Given, table: pa.Table) -> Compa
         hand = compared.motion.inverse if given.eye_to_hand else compared.motion
         try:
             rows, mistakes = of_commands(command_log(table, given.log, hand))
+            # The commands are compared with the motion as it was logged.
+            if verdict.mistakes and any(row.state is State.WRONG for row in rows):
+                rows, mistakes = [AS_LOGGED], []
         except Mistake as error:
             text = str(error).removeprefix(f"{given.log}: ")
             rows = [Finding("commands", text, state=State.UNKNOWN)]
@@ -313,6 +339,12 @@ def stated_mount(given: Given, table: pa.Table) -> Mount | None:
         table: The rows of the log.
     """
     if given.mount is not None:
+        farthest = max(given.mount[:3], key=abs)
+        if abs(farthest) > FARTHEST_MOUNT:
+            raise Mistake(
+                f"--mount: {farthest:g} m is too far from the hand, at most {FARTHEST_MOUNT:g}: "
+                "give x, y, z in m"
+            )
         return believed_mount(tuple(given.mount))
     if given.eye_to_hand:
         camera = None if given.scenario is None else load(given.scenario).camera

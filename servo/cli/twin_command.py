@@ -53,10 +53,14 @@ DROPPED = ("vary", "expect", "sweep")
 """Tables that draw settings of the scenario to begin with, or judge it."""
 STILLS = 3
 TURNED = (
-    "The film's plane is not level, or not as high as the base's origin: the simulated scene is "
-    "placed by it, may be turned about the vertical, and then differs everywhere."
+    "The film's plane is not level, or not at height 0 in the frame of the log's poses (a log of "
+    "joints has those of the scenario's room): the simulated scene is placed by it, may be turned "
+    "about the vertical, and then differs everywhere."
 )
-PLACED = "The film's plane is level and as high as the base's origin, as the simulated table's top."
+PLACED = (
+    "The film's plane is level and at height 0 in the frame of the log's poses (a log of joints "
+    "has those of the scenario's room), as the simulated table's top."
+)
 
 
 def run(

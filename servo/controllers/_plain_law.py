@@ -18,7 +18,7 @@ from typing import Any, final
 import numpy as np
 
 from servo.parts import Task
-from servo.types import CameraImage, Command, Mode, Sight
+from servo.types import CameraImage, Command, Mode, Prediction, Sight, Trace
 from sim.channels import Channel
 from sim.plain_part import config_for, has_methods, plain_config
 from sim.types import Array, Image, Posture
@@ -80,15 +80,26 @@ class FunctionLaw:
         self._task = task
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return what the function returns, as a `Command`; a twist of zero if the target is not
-        seen. `posture` and `dt` are not used.
+        """Return what the function returns; for a twist, a `Command` with the measured features
+        and their errors as its trace. If the target is not seen, the twist is zero, without a
+        trace. `posture` and `dt` are not used.
         """
         if seen is None:
             return Command(np.zeros(6), mode=Mode.HOLDING)
-        asked = self._law(
-            seen, replace(self._task, goal=seen.goal or self._task.goal), **self._settings
-        )
-        return asked if isinstance(asked, Command) else Command(_floats(asked))
+        task = replace(self._task, goal=seen.goal or self._task.goal)
+        asked = self._law(seen, task, **self._settings)
+        if isinstance(asked, Command):
+            return asked
+        return Command(_floats(asked), trace=_measured(seen, task))
+
+
+def _measured(seen: Sight, task: Task) -> Trace:
+    """Return the features of the target and their errors, without a prediction."""
+    values, goal = map(task.features.values, (seen, task.goal))
+    error = task.features.error(values, goal)
+    unknown = np.full(len(values), np.nan)
+    prediction = Prediction.unmeasured(error, unknown)
+    return Trace(values, error, prediction, task.features.scales(goal), unknown)
 
 
 @final

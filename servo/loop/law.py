@@ -3,7 +3,6 @@ sees of the target (`Sight`), and returns the camera twist.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import final
 
 import numpy as np
@@ -14,7 +13,7 @@ from servo.loop.settings import Setup
 from servo.mistake import Mistake
 from servo.parts import Controller, Estimator, FeatureSet, Task
 from servo.sight.difference import Difference
-from servo.types import Command, Prediction, Sight, Trace
+from servo.types import Command, Sight
 from sim.channels import Channel, Channels, Sees, View, needs_of
 from sim.types import Array, Camera, Posture
 from tracking.types import Estimate
@@ -181,10 +180,6 @@ class Law:
             view: Function that takes the kinds of additional data (channels) that a component
                 declares, and returns these data for this picture.
 
-        Returns:
-            The command. If the controller returned no trace, its trace is the measured features and
-                their errors, unless the target is not seen or the law uses pictures.
-
         Raises:
             PartFailed: A component raised an exception, or returned an invalid value.
         """
@@ -196,20 +191,7 @@ class Law:
             check_same_features(command, self._names)
         except BrokenContract as error:
             self._controller.blame(error)
-        if command.trace is None and sight is not None and not self.uses_pictures:
-            return replace(command, trace=self._measured(sight))
         return command
-
-    def _measured(self, sight: Sight) -> Trace:
-        """Return the features of the target in a picture and their errors, for the record of a
-        controller that does not return them itself.
-        """
-        values = self.features.values(sight)
-        goal = self.features.values(sight.goal or self._goal)
-        error = self.features.error(values, goal)
-        unknown = np.full(len(values), np.nan)
-        prediction = Prediction.unmeasured(error, unknown)
-        return Trace(values, error, prediction, self.features.scales(goal), unknown)
 
     def motion_measured(self, command: Command, sight: Sight | None, interval: float) -> Array:
         """Return the measured rate (k,) at which the target's own motion changed the k features

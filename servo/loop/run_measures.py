@@ -2,6 +2,7 @@
 from all of its steps.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -30,6 +31,11 @@ much: `six_motion` lags by up to 14 deg, and the region of `bad_init` is a fifth
 
 OFF_UNITS = {"centre": "px", "angle": "deg", "size": "%", "orientation": "deg"}
 """Units of what may be too far from the goal."""
+
+
+AT_AN_END = 0.1
+"""Share of the last second in which a joint is at an end of its range if that keeps the camera from
+the goal: such a joint bounces there, and one that touches its end once does not."""
 
 
 class Outcome(Enum):
@@ -268,7 +274,7 @@ def _outcome(final: Sequence[Step]) -> Outcome:
     if not any(_off(s) for s in final):
         return Outcome.CONVERGED
     # A speed limit may act for a moment in any run; a joint at the end of its range stays there.
-    if all(s.limited for s in final) or any(map(_ends_a_range, _limits(final))):
+    if all(s.limited for s in final) or _stays_at_an_end(final):
         return Outcome.LIMIT_HIT
     return Outcome.TIMED_OUT if inside else Outcome.DIVERGED
 
@@ -285,6 +291,12 @@ def _limits_met(run: Columns, outcome: Outcome) -> tuple[str, ...]:
 
 def _limits(steps: Iterable[Step]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for s in steps for name in s.joint_limits))
+
+
+def _stays_at_an_end(final: Sequence[Step]) -> bool:
+    """Return True if a joint was at an end of its range in a share `AT_AN_END` of the steps."""
+    ends = Counter(filter(_ends_a_range, (name for s in final for name in s.joint_limits)))
+    return max(ends.values(), default=0) > AT_AN_END * len(final)
 
 
 def _ends_a_range(limit: str) -> bool:

@@ -264,7 +264,7 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
             spread(standing.score),
             f"{100 * standing.held.value:.0f} %",
             "-".join(map(str, sorted({standing.first, standing.last}))),
-            f"{standing.beats_next:.2f}",
+            shown(None) if standing.beats_next is None else f"{standing.beats_next:.2f}",
             *map(shown, [standing.slowest for _ in late]),
             *map(shown, _measures(standing.row, columns)),
         ]

@@ -64,7 +64,8 @@ MIXED = (
 ALIKE = np.radians(1.0)
 CLOSE = 0.01
 """Added to the intervals within which a stated mount counts as right [rad, m]."""
-AGAINST = "mount: against --mount"
+MOUNT_OPTION = "--mount"
+"""The option by which a user states the mount."""
 STEP = 0.05
 """Time over which a rate is taken, so that noise is small [s]."""
 PARTS = np.s_[:3], np.s_[3:]
@@ -89,6 +90,10 @@ class Trust:
     stamped: bool = True
     """Whether the film's times are stamps, as the robot's program uses them; False: the film was
     placed where it fits the log, or where the user says."""
+    stated_by: str = MOUNT_OPTION
+    """What states the mount, in the words of the verdict's rows."""
+    is_relative: bool = False
+    """Whether the poses of the log have a mount already, to which the found one is relative."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,7 +254,7 @@ def judge(fits: Fits, trust: Trust) -> Verdict:
     else:
         findings.append(_rotation(mount, believed))
         if believed is not None:
-            findings += _against_believed(mount, believed, mistakes, has_lever=not no_lever)
+            findings += _against_believed(mount, believed, trust, mistakes, has_lever=not no_lever)
     findings.append(no_lever or _lever(mount, believed))
     if not no_mount:
         findings += _of_scale(mount, fits.tag, shows_focal=shows_focal, known=known)
@@ -608,11 +613,13 @@ def _of_tag(tag: TagFit) -> Finding:
 
 
 def _against_believed(
-    mount: Mount, believed: Mount, mistakes: list[str], *, has_lever: bool
+    mount: Mount, believed: Mount, trust: Trust, mistakes: list[str], *, has_lever: bool
 ) -> list[Finding]:
-    """Return a list with a row about a mount that differs from the one that the user states; it is
-    empty if the two agree. The names of a turn by right angles are added to `mistakes`, in place.
+    """Return a list with a row about a mount that differs from the one that is stated; it is empty
+    if the two agree. The names of a turn by right angles are added to `mistakes`, in place.
     """
+    against = f"mount: against {trust.stated_by}"
+    found_here = "found here" + f" relative to {trust.stated_by}" * trust.is_relative
     turn = believed.rotation.T @ mount.rotation
     half = float(mount.halves[1:4].max())
     near = min(cubes(), key=lambda cube: angle_of(cube.T @ turn))
@@ -624,24 +631,24 @@ def _against_believed(
         mistakes += names
         text = f"cannot tell {' from '.join(f'({name})' for name in names)}"
         found = text if len(names) > 1 else names[0]
-        change = "correct --mount (or the camera's driver) by this turn"
-        return [Finding(AGAINST, found, change, State.WRONG)]
+        change = f"correct {trust.stated_by} (or the camera's driver) by this turn"
+        return [Finding(against, found, change, State.WRONG)]
     if angle_of(turn) > half + ALIKE:
         found = f"the rotation differs by {np.degrees(angle_of(turn)):.1f} deg"
-        change = "set the rotation that is found here, or calibrate the mount"
-        return [Finding(AGAINST, found, change, State.WRONG)]
+        change = f"set the rotation that is {found_here}, or calibrate the mount"
+        return [Finding(against, found, change, State.WRONG)]
     off = _off(mount, believed)
     if not has_lever or _is_near(off, mount):
         return []
     found = f"the lever differs by {MM * np.linalg.norm(off):.0f} mm"
-    change = "set the lever that is found here, or calibrate the mount"
+    change = f"set the lever that is {found_here}, or calibrate the mount"
     if abs(off[2]) > np.linalg.norm(off[:2]):
         found += (
             f", most of it along the optical axis, as it would with a focal length that is wrong "
             f"by {100 * off[2] / mount.depth:.0f} %"
         )
         change += "; or calibrate the camera"
-    return [Finding(AGAINST, found, change, State.WRONG)]
+    return [Finding(against, found, change, State.WRONG)]
 
 
 def cubes() -> list[Array]:

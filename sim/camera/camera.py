@@ -35,8 +35,7 @@ Principal = Annotated[float, Ge(-10_000), Le(10_000)]
 
 @dataclass(frozen=True, slots=True)
 class CameraConfig:
-    """Settings of the camera: mounting, image size and intrinsics [px], lens distortion, shutter,
-    brightness, noise, renderer, and depth pictures.
+    """Settings of the camera: mounting, image, lens, shutter, noise, renderer, depth pictures.
 
     Poses are x, y, z [m] and roll, pitch, yaw [deg]: with `mounted` = "world", `pose` is that of
     the camera in the world, and `held` that of the target in the frame that the robot's camera

@@ -84,8 +84,8 @@ def report_in(answer: object, name: str) -> Report:
     if box is None or not (_has_area(box) or not box.any()):
         raise ValueError(
             f"{name} answered {shown(answer)}; expected a box of left, top, width, height [px] "
-            "(with an area, or all zeros: not seen), (ok, box), or a mapping with some of the keys "
-            f"{', '.join(KEYS)}"
+            f"(finite numbers up to {FARTHEST:g}, with an area, or all zeros: not seen), (ok, "
+            f"box), or a mapping with some of the keys {', '.join(KEYS)}"
         )
     return report_of_box(box)
 

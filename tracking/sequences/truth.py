@@ -30,6 +30,7 @@ ABSENT = [0.0]
 TLD_NAMES = ("gt.txt", "init.txt")
 HEADER = re.compile(r"\s*[A-Za-z_]\w*\s*,")
 CORNERS = tuple(f"{axis}{i}" for i in range(1, 5) for axis in "xy")
+FRAME = "frame"
 BOX_NAMES = (
     ("left", "top", "width", "height"),
     ("x", "y", "width", "height"),
@@ -327,11 +328,24 @@ def _around_mask(line: str, place: str) -> Array:
     return np.array([*corner, np.ptp(columns) + 1, np.ptp(rows) + 1], float)
 
 
+def _frame(text: str, place: str) -> float:
+    """Return the number of a frame in a line of a CSV file; `place` names the line in messages.
+
+    Raises:
+        ValueError: The text is not a number.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{place}: the frame is '{text}', expected a number: correct it") from None
+
+
 def _of_csv(lines: list[str], path: Path) -> Array:
     """Return the corners (n, 4, 2) [px] in the lines of a CSV file with a header.
 
     Raises:
-        ValueError: Columns are missing, a line does not fit the header, or there is no line.
+        ValueError: Columns are missing, a line does not fit the header, the numbers of a column
+            "frame" are not consecutive, or there is no line.
         csv.Error: The lines are not valid CSV.
     """
     header, *table = csv.reader(lines, skipinitialspace=True, strict=True)
@@ -341,6 +355,7 @@ def _of_csv(lines: list[str], path: Path) -> Array:
         need = "x1..y4, or left, top, width, height"
         raise ValueError(f"{path.name}: the columns are {', '.join(names)}; a truth needs {need}")
     rows: list[Array] = []
+    begin: float | None = None
     for i, row in enumerate(table, 2):
         place = f"{path.name}, line {i}"
         if len(row) != len(names):
@@ -348,6 +363,14 @@ def _of_csv(lines: list[str], path: Path) -> Array:
                 f"{place}: the line has {len(row)} columns, but the header has {len(names)}; "
                 "correct or delete that line"
             )
+        if FRAME in names:
+            frame = _frame(row[names.index(FRAME)], place)
+            begin = frame if begin is None else begin
+            if frame != begin + len(rows):
+                raise ValueError(
+                    f"{place}: the frame is {frame:g}, expected {begin + len(rows):g}: sort the "
+                    "lines by their frames, and give a line for each picture"
+                )
         numbers = ";".join(row[names.index(name)].strip() or "nan" for name in wanted)
         rows.append(_corners(_numbers(numbers, place), Format.VOT, place))
     if not rows:
