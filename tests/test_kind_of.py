@@ -6,8 +6,10 @@ from typing import ClassVar
 import pytest
 from elsewhere import MyConfig
 
+from servo.mistake import Mistake
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.load import load
+from servo.study import suites
 from servo.study.sequence_run import Contender
 from servo.study.suites import GENERATORS
 from sim import kinds
@@ -51,6 +53,16 @@ def test_settings_name_what_replaced_a_part():
     shown = load("occlusion")
     assert [d["kind"] for d in shown.settings()["disturbances"]] == ["board"]
     assert replace(shown, disturbances=()).settings()["disturbances"] == []
+
+
+def test_contenders_of_the_command_line_may_be_programs_with_labels():
+    text = "mine=program:python x.py --size=2, kams:paper, elsewhere:MyConfig"
+    mine, paper, own = suites.contenders(text)
+    assert [one.label for one in (mine, paper)] == ["mine", "kams-paper"]
+    assert (mine.config.command, own.config) == ("python x.py --size=2", MyConfig())
+    assert suites.tracker_tables("a=kams") == {"a": {"tracker.kind": "kams"}}
+    with pytest.raises(Mistake, match=r"^'program:': write the command after it$"):
+        suites.contenders("program:")
 
 
 def test_contenders_say_so_too():

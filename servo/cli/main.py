@@ -149,7 +149,8 @@ def track() -> None:
     "sequences (OTB, VOT, GOT-10k), or a .toml file.",
 )
 @click.option(
-    "--trackers", help="Trackers, such as kams,sok,kams:paper (default: all, or the file's)."
+    "--trackers",
+    help="Trackers, such as kams,kams:paper,mine=program:COMMAND (default: all, or the file's).",
 )
 @click.option(
     "--seeds", type=opt.COUNT, default=3, show_default=True, help="Number of seeds: 0, 1, 2, ..."

@@ -2,6 +2,7 @@
 a folder of recordings or by a TOML file.
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from pydantic import BaseModel
 from servo.mistake import Mistake, as_mistake, check_rules
 from servo.scenario import toml
 from servo.scenario.fill import STRICT, fill_plugin, validated
+from servo.scenario.part_names import named_part, settings_of
 from servo.scenario.toml import Table
 from servo.study.sequence_run import Contender, Entry, Generated, Recorded
 from tracking.sequences.painted import KINDS as GENERATORS
@@ -29,6 +31,9 @@ SUITES: dict[str, list[Table]] = {
     "camouflage": [{"kind": "camouflage"}],
 }
 CLOSED_LOOP = "closed_loop"
+LABEL = "label"
+LABELLED = re.compile("[^:=]+=")
+"""The beginning of a tracker of the command line that has a label of its own."""
 
 
 class SuiteTable(BaseModel):
@@ -82,16 +87,16 @@ def contenders(text: str | None) -> list[Contender]:
     can follow any target by pictures and the camera's motion alone, and need no program or model
     file of the user.
 
-    In the text a tracker is "kind", "kind:preset", "package:kind" for a kind of another package, or
-    "module:Name" for a class to import.
+    In the text a tracker is "kind", "kind:preset", "package:kind" for a kind of another package,
+    "module:Name" for a class to import, "program:COMMAND", "trax:COMMAND" or "onnx:FILE"; "NAME="
+    before it gives it another label.
 
     Raises:
         Mistake: There is no such tracker or preset, one is listed twice, or its name is too long
             for the name of a folder.
     """
-    words = general_kinds() if text is None else [w.strip() for w in text.split(",")]
-    chosen = [TRACKERS.named(word) for word in words]
-    found = [_contender(table, "--trackers") for table in chosen]
+    words = general_kinds() if text is None else _words(text)
+    found = [_contender(_table(word), "--trackers") for word in words]
     _check_unique((one.label for one in found), "trackers", "--trackers")
     return found
 
@@ -108,11 +113,27 @@ def tracker_tables(text: str) -> dict[str, Table]:
             for the name of a folder.
     """
     labels = [one.label for one in contenders(text)]
-    words = [word.strip() for word in text.split(",")]
+    tables = [_table(word) for word in _words(text)]
     return {
-        label: {f"tracker.{key}": value for key, value in TRACKERS.named(word).items()}
-        for label, word in zip(labels, words, strict=True)
+        label: {f"tracker.{key}": value for key, value in table.items() if key != LABEL}
+        for label, table in zip(labels, tables, strict=True)
     }
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",")]
+
+
+def _table(word: str) -> Table:
+    """Return the settings of a tracker of the command line, with its label if the word has one.
+
+    Raises:
+        Mistake: There is no such tracker or preset, or its command or file is missing.
+    """
+    name, what = named_part("tracker", word) if LABELLED.match(word) else ("", word)
+    settings = settings_of("tracker", what)
+    table = {key.removeprefix("tracker."): value for key, value in settings.items()}
+    return table | {LABEL: name} if name else table
 
 
 def _contender(table: Mapping[str, object], place: str) -> Contender:
@@ -123,10 +144,10 @@ def _contender(table: Mapping[str, object], place: str) -> Contender:
     """
     kind = table.get("kind")
     preset = table.get("preset")
-    label = table.get("label", f"{kind}-{preset}" if preset else str(kind))
+    label = table.get(LABEL, f"{kind}-{preset}" if preset else str(kind))
     if not isinstance(label, str):
         raise Mistake(f"{place}.label = {label!r}: expected a text")
-    config = fill_plugin(TRACKERS, {k: v for k, v in table.items() if k != "label"}, place)
+    config = fill_plugin(TRACKERS, {k: v for k, v in table.items() if k != LABEL}, place)
     try:
         return Contender(label, config)
     except ValueError as error:
