@@ -9,7 +9,7 @@ Each shipped scenario has an id, such as `servobench/Arm7Line-v0` for arm7_line;
 | action | "twist" of the camera in place of the control law's, or a "residual" added to it |
 | reward | 1 / (1 + d / 10 px), d the mean distance of the target's true corners from their goals |
 | info["reward_terms"] | what d is the mean of: the four distances, `corner_1_px` to `corner_4_px` |
-| terminated | the tracker has lost the target, or its true centre has left the camera's view |
+| terminated | the tracker has lost the target, or the target's true centre is out of the picture |
 | truncated | the scenario's duration is over, and the run is not terminated |
 
 Why this reward: d is one number in px for centre, angle, size and tilt, so that no weights are
@@ -17,7 +17,8 @@ needed; 10 px is also the limit of the measure not_held_pct, and the slope is la
 It is never negative, so that losing the target never pays.
 
 The seed given to `reset` is the scenario's: the scenario is that of `servobench run NAME --seed
-SEED`, with all settings that `[vary]` draws for this seed. Without a seed, one is drawn.
+SEED`, with all settings that `[vary]` draws for this seed. Without a seed, one is drawn. If the
+start that a seed gives is impossible, further seeds are drawn; info["seed"] is that of the run.
 """
 
 from collections.abc import Mapping, Sequence

@@ -174,10 +174,12 @@ class Kinds(Generic[Config]):
 
     def config_of(self, kind: str) -> ConfigClass:
         """Return the class `Config` of a kind, the dataclass of its settings. The kind may also be
-        a class to import, "module:Name", if the text is `Trusted`.
+        the path of a `Config` or another object to import, "module:Name", if the text is `Trusted`
+        (from the command line or from Python, not from a file).
 
         Raises:
-            UnknownKind: The kind is unknown, cannot be imported, or is not a `Config`.
+            UnknownKind: The kind is unknown, cannot be imported, or is not a `Config` nor an object
+                for which `adapt` makes one.
         """
         if kind in self._own():
             return importlib.import_module(f"{self.folder}.{kind}").Config

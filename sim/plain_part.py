@@ -57,8 +57,8 @@ def has_methods(part: object, *names: str) -> bool:
 
 def plain_config(part: object, *methods: str) -> ConfigClass | None:
     """Return a `Config` class (a dataclass of settings with a method `build`) for a class or an
-    object that has the given methods; None if it lacks one. An object is returned by `build` as it
-    is.
+    object that has the given methods; None if it lacks one. `build` returns a new instance of a
+    class, made with the settings, and an object as it is.
     """
     if not has_methods(part, *methods):
         return None

@@ -392,8 +392,9 @@ class World:
         return placement.truth(self.camera, self.outline, self._eye_at, target, visible)
 
     def goal(self) -> Truth | None:
-        """Return the exact pose and projection that the target would have at the present time if it
-        were at its desired pose relative to the leader, a moving tag; None if there is no leader.
+        """Return the exact pose and projection that the target, which the robot holds, would have
+        at the present time if it were at its desired pose relative to the leader, a moving tag;
+        None if there is no leader.
         """
         goal = self._stage.goal(self.data.time)
         if goal is None:

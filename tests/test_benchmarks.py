@@ -1185,14 +1185,14 @@ def test_machines_find_the_rows_and_their_fields():
             (
                 '"area":[1.0]',
                 wrong,
-                "the content of this file is wrong: worlds: value error, columns of equal length are needed: world, area, held, picture, last; repeat",
+                "the content of this file is wrong: worlds: value error, columns of equal length are needed: world, area, held and, if known, picture, last; repeat",
             )
             for wrong in ('"area":[1.0,1.0]', '"area":1.0', '"area":null', '"world":["x","y"]')
         ],
         (
             '"world":["plain-00"],',
             "",
-            "the content of this file is wrong: worlds: value error, columns of equal length are needed: world, area, held, picture, last; repeat",
+            "the content of this file is wrong: worlds: value error, columns of equal length are needed: world, area, held and, if known, picture, last; repeat",
         ),
     ],
 )

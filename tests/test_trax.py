@@ -185,7 +185,9 @@ def test_a_box_without_an_area_is_a_sentence():
 
 
 def test_a_box_whose_area_vanishes_has_none():
-    with pytest.raises(ValueError, match=r"width, height \[px\] \(finite numbers up to 1e\+06, with an area"):
+    with pytest.raises(
+        ValueError, match=r"width, height \[px\] \(finite numbers up to 1e\+06, with an area"
+    ):
         follow(config("vanishes"))
 
 

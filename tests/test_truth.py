@@ -46,7 +46,7 @@ def test_csv_is_read_by_its_header(tmp_path, text):
         ("", "this truth has no lines: it needs one for each picture"),
         (
             "1,2,3\n",
-            "groundtruth.txt, line 1: the line has 3 numbers: expected 4 of a box, or 8 of four corners",
+            "groundtruth.txt, line 1: the line has 3 numbers: expected 4 of a box, or 8 of four corners; correct the line",
         ),
         ("1,2,3,4\n1,2,x,4\n", "groundtruth.txt, line 2: '1,2,x,4' is not a line of numbers"),
         ("a,b\n1,2\n", "groundtruth.txt: the columns are a, b; a truth needs x1..y4, or left, top"),
@@ -120,7 +120,7 @@ def test_the_one_number_of_vots_is_an_absent_target(tmp_path):
     assert np.isfinite(found).all(axis=(1, 2)).tolist() == [True, False, False, True]
     with pytest.raises(
         ValueError,
-        match="line 2: the line has 1 numbers: expected 4 of a box, or 8 of four corners",
+        match="line 2: the line has 1 numbers: expected 4 of a box, or 8 of four corners; correct the line",
     ):
         truth.read(written(tmp_path, "1,2,3,4\n2\n"))
 
@@ -144,8 +144,8 @@ NAME = "groundtruth.txt, line 2"
             "50,20,30,0",
             f"{NAME}: the target is 30 x 0 px: both sides should be positive; correct that line",
         ),
-        ("10,5;20,5;30;40", "'10,5;20,5;30;40' is not a line of numbers (a decimal point, not a"),
-        ("10,5 20,5 30,0 40,0", "'10,5 20,5 30,0 40,0' is not a line of numbers (a decimal point"),
+        ("10,5;20,5;30;40", "'10,5;20,5;30;40' is not a line of numbers (if a comma is a"),
+        ("10,5 20,5 30,0 40,0", "'10,5 20,5 30,0 40,0' is not a line of numbers (if a comma is a"),
         (
             "10,5,20,5,30,0,40,0",
             f"{NAME}: the corners are not in order around the target: two "
@@ -159,7 +159,10 @@ NAME = "groundtruth.txt, line 2"
             "50,20,inf,40",
             "'50,20,inf,40' is not a position in a picture: all numbers must be from -1e+06 to 1e+06",
         ),
-        ("", f"{NAME}: the line has 0 numbers: expected 4 of a box, or 8 of four corners"),
+        (
+            "",
+            f"{NAME}: the line has 0 numbers: expected 4 of a box, or 8 of four corners; correct the line",
+        ),
     ],
 )
 def test_a_line_that_would_be_read_as_something_else_is_refused(tmp_path, line, message):
@@ -217,7 +220,7 @@ def test_a_csv_may_count_its_frames_from_one(tmp_path):
             "line 4: the frame is 10, expected 2: sort the lines by their frames, and give ",
         ),
         ((1, 0, 2), "line 3: the frame is 0, expected 2: sort the lines"),
-        (("0", "1", "c"), "line 4: the frame is 'c', expected a number: correct it"),
+        (("0", "1", "c"), "line 4: the frame is 'c', but should be a number: correct it"),
     ],
 )
 def test_a_csv_whose_frames_are_not_in_order_is_refused(tmp_path, frames, message):

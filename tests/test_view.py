@@ -91,7 +91,7 @@ def test_what_the_viewer_cannot_do_is_one_sentence(viewer, tmp_path, monkeypatch
     png = tmp_path / "out.png"
     viewer(*BOTH)
     assert refused(tmp_path, png, "world") == (
-        "this recording has no panel 'world'; it has plots/error, world/eye/image"
+        f"{tmp_path}: this recording has no panel 'world'; it has plots/error, world/eye/image"
     )
     _, clock = viewer(looks=10_000)
     began = clock[0]

@@ -140,7 +140,7 @@ class Refusing(Moving):
     [
         (
             Needs,
-            "theirs needs weights: give wrap a function without arguments, such as "
+            "theirs needs the arguments weights: give wrap a function that needs none, such as "
             "lambda: Tracker(...)",
         ),
         (

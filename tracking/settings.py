@@ -28,8 +28,9 @@ class ParticleSettings:
     motion per frame (`noise` of position as a share of the target's size, `turn_noise` [rad],
     `scale_noise` of ln scale); sharpness `gamma` of the likelihood exp(-gamma d^2); share of the
     old velocity in the new one; and how a lost target is found again: share of the particles
-    redrawn over the picture (`scatter`), number of stored small pictures of the target (`views`),
-    or a second witness beside its colours (`witness`).
+    redrawn over the picture (`scatter`), and number of stored small pictures of the target
+    (`views`), by which it is also judged lost. Instead of both, a correlation filter and two
+    templates (`witness`) can decide with the colours where the target is and whether it is lost.
     """
 
     particles: Count = 200

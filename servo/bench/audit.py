@@ -91,8 +91,8 @@ def read_errors(path: Path) -> Errors:
         return {(str(world), float(ms)): np.array(each, float) / STEPS for world, ms, each in rows}
     except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, MemoryError) as error:
         raise Mistake(
-            f"{path}: this is not the file of errors that `servobench benchmark --submit` writes: "
-            "write it again"
+            f"{path}: this is not the file of errors that `servobench benchmark --submit` writes, "
+            "or it cannot be read: write it again"
         ) from error
 
 

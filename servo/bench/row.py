@@ -77,7 +77,7 @@ def by_world(columns: Any) -> dict[str, dict[str, object]]:
         return {str(table.pop("world")): table for table in tables}
     except (AttributeError, TypeError, ValueError, KeyError):
         raise ValueError(
-            "columns of equal length are needed: world, area, held, picture, last"
+            "columns of equal length are needed: world, area, held and, if known, picture, last"
         ) from None
 
 

@@ -138,8 +138,8 @@ def _score_of(points: Mapping[str, float], *, whole: bool, bounds: tuple[float, 
 def standings(rows: Sequence[Row]) -> list[Standing]:
     """Return the places of contestants in a benchmark's table, the highest score first.
 
-    Ranks are intervals: each pair of contestants is compared in the worlds (random scenarios) of
-    both by Student's paired test, with Holm's correction for all pairs. The test compares means, as
+    Ranks are intervals: each pair of contestants is compared in their common worlds (random
+    scenarios) by a paired t-test, with Holm's correction for all pairs. The test compares means, as
     the score does: signed ranks would prefer a contestant that is a little better in most worlds
     and loses the target in some.
 

@@ -143,9 +143,10 @@ class Plan:
         return next((s for key in source.ideal for s in said if s.startswith(f"{key} ")), "")
 
     def cells(self, sources: Sequence[Source]) -> dict[str, tuple[Source, ...]]:
-        """Return the sources of error that act in each combination, by its name: none ("nothing
-        wrong"), each one alone (by its name; with the tracker, if it acts only through the tracker,
-        as image noise does), and all of them ("together").
+        """Return the sources of error that act in each combination of the budget, by the
+        combination's name: "nothing wrong" has no source; each source's name has this source alone,
+        or the tracker and the source if it acts only through the tracker, as image noise does; and
+        "together" has all sources.
         """
         alone = {source.name: self.alone(source) for source in sources}
         return {NOTHING: (), **alone, TOGETHER: tuple(sources)}

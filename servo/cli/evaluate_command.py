@@ -54,7 +54,8 @@ def run(
         workers: Number of processes.
         out: The folder to write; None: runs/evaluate-SUITE.
         quiet: Whether to print on stderr only: mistakes, failed runs and missed bounds.
-        dry_run: Whether to print only how many runs there are and how long they take.
+        dry_run: Whether to print only how many runs there are and how long they will take, after up
+            to five runs on trial, whose results are not kept.
 
     Returns:
         The exit code: 1 if a run failed (or a bound of "closed_loop" was missed), else 0.

@@ -1,5 +1,5 @@
-"""The command `servobench photo`: straighten photographs of a plane by a printed sheet of tags, and
-draw this sheet.
+"""The command `servobench photo`: straighten (rectify) the one of several photographs of a plane
+that shows most of it, by a printed sheet of tags that lies on the plane; or draw this sheet.
 """
 
 import json

@@ -75,7 +75,7 @@ def select(
     if first.image is None:
         raise Mistake(
             f"{first.name}: the first picture cannot be read ({first.reason}): begin with another "
-            "one"
+            "picture"
         )
     box = ask(first.image, source)
     if box is None:

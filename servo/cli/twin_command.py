@@ -282,6 +282,10 @@ def toml(scenario: str, changes: dict[str, object], notes: dict[str, str]) -> st
 def left_out(table: Mapping[str, object], scenario: str) -> str:
     """Return a sentence that names the tables of a scenario that the twin's scenario leaves out; ""
     if it leaves out none.
+
+    Args:
+        table: The whole table of the scenario.
+        scenario: Its name, for the sentence.
     """
     dropped = ", ".join(f"[{key}]" for key in DROPPED if key in table)
     if not dropped:

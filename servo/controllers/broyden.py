@@ -69,7 +69,8 @@ class Broyden:
 
     def start(self, task: Task) -> None:
         """Begin a run with the features and the goal of a task: the learned interaction matrix is
-        zero, and the first motions, forth and back, are still to do.
+        zero, and the first motions, forward and back along each component of the twist, are still
+        to do.
         """
         c = self._config
         self._features = task.features

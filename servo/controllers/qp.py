@@ -58,11 +58,12 @@ LEAVING = 1.0
 @dataclass(frozen=True, slots=True)
 class Config(LawSettings):
     """Settings of the controller `qp`: those of the controller `ibvs`, and the distance that the
-    target's corners keep from the sides of the picture [px].
+    target's corners should keep from the sides of the picture [px], a soft limit.
     """
 
     margin: Annotated[float, Ge(0), Le(10_000)] = 10.0
-    """Distance that the target's corners keep from the sides of the picture [px]."""
+    """Distance that the target's corners should keep from the sides of the picture [px]: a soft
+    limit, which is violated as little as possible where it cannot be kept."""
 
     def build(self, rng: np.random.Generator) -> ibvs.Ibvs:
         """Return the controller, which uses no random numbers."""

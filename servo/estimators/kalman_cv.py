@@ -64,7 +64,7 @@ class Config:
 
     def build(self, rng: np.random.Generator) -> Estimator:
         """Return the estimator: a Kalman filter of the feature errors or, with noise =
-        "difference", of their differences. It uses no random numbers.
+        "difference", of their differences between pictures. It uses no random numbers.
         """
         if self.noise == "difference":
             return DifferenceFilters(self.model)

@@ -22,5 +22,5 @@ class Config:
 @final
 class Nothing(Unfiltered):
     """Estimator that returns the measured feature error (0 for features that were not measured),
-    and zero for the rate that the target's own motion causes.
+    and zero for the rate of the error that the target's own motion causes.
     """

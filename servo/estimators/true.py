@@ -24,8 +24,9 @@ class Config:
 
 @final
 class Ideal(Unfiltered):
-    """Estimator that returns the feature error as it was measured, and as its rate from the
-    target's own motion the true one, which the simulation gives by `see`; zero before that.
+    """Estimator that returns the feature error as it was measured, and the true rate at which the
+    target's own motion changes it. The simulation gives this rate by `see`; before the first call
+    it is zero.
     """
 
     def see(self, view: View) -> None:

@@ -23,7 +23,9 @@ NOISE = (1e-3, 1e-3, 2e-3, 2e-3, 2e-3, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the feature set `homography`: the method that aligns the pictures."""
+    """Settings of the feature set `homography`: the method that aligns the camera's picture with
+    the goal's.
+    """
 
     method: Method = "sift"
     """Matched points, "orb", "sift" or "affine_sift" (with contrast equalised, and matched also to

@@ -170,7 +170,8 @@ class Law:
         interval: float,
         view: Callable[[Channels], View],
     ) -> Command:
-        """Return the controller's command, a camera twist, after a picture.
+        """Return the controller's command after a picture: a camera twist (6,) in the camera frame
+        [m/s, rad/s].
 
         Args:
             sight: The target as it is seen in this picture: moments, corners, plane and pose in the

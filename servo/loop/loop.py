@@ -151,7 +151,7 @@ class Loop:
 
         Args:
             frame: The first picture.
-            region: Width and height of the target's rectangle in that picture [px].
+            region: Width and height of the target's rectangle at scale 1 [px].
             state: Position [px], angle [rad] and scale of the target in that picture. If the target
                 is a tag whose outline is its black square, and the tracker is "tag", a square that
                 is detected near the given one replaces region and state.

@@ -120,7 +120,7 @@ def check_format(path: Path, found: object, number: int) -> None:
         number: Format number that this version reads.
 
     Raises:
-        OtherFormat: The numbers differ.
+        OtherFormat: `found` is not an integer, or is not `number`.
     """
     if type(found) is not int or found != number:
         raise OtherFormat(path, found, number)

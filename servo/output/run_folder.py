@@ -70,8 +70,8 @@ def with_traceback(error: PartFailed, folder: Path) -> Mistake:
 
 
 def discard(folder: Path, others: Iterable[Path]) -> None:
-    """Delete the files of a run that ended before its first step: its table and recording in its
-    folder, and the files `others`. Files that are missing are ignored.
+    """Delete the files of a run that ended before its first step: the stream of its steps, its
+    table and its recording in `folder`, and the files `others`. Missing files are ignored.
     """
     for path in (*(folder / name for name in (STREAM, TABLE, RECORDING)), *others):
         path.unlink(missing_ok=True)

@@ -290,7 +290,7 @@ def _judge_surface(evidence: Evidence) -> Verdict:
 def judged(found: dict[str, Array]) -> Verdict:
     """Return the verdict on the claim P1-3 that the histogram distance rises faster with rotation
     for nine kernels than for one. It holds if the slope from 0 to 15 degrees is more than 2 times
-    as large, with the whole 95 % interval of the geometric mean ratio.
+    as large: the whole 95 % interval of the geometric mean ratio must be above 2.
 
     Args:
         found: Histogram distances (sequences, angles, shifts), as `surfaces` returns them for one

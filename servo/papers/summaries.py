@@ -64,8 +64,8 @@ def difference(first: Sequence[Record], second: Sequence[Record], measure: str) 
 
 
 def completed(records: Sequence[Record]) -> Interval:
-    """Return the share of runs on sequences in which the target was never lost [%], with its 95 %
-    interval.
+    """Return the share [%] of runs (a tracker on a sequence) in which the target was never lost,
+    with its 95 % interval.
     """
     return mean_percent(column(records, "completed"))
 

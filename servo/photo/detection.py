@@ -32,7 +32,7 @@ OTHERS = {
 
 def seen_in(image: Image, camera: Camera | None, scale: float) -> Photograph:
     """Find the printed sheet of AprilTags in a photograph; return the photograph with its camera
-    and the homography from the sheet's plane to the image.
+    and the homography from the sheet's plane [m] to normalised image coordinates.
 
     Args:
         image: The photograph, RGB, uint8 (H, W, 3).

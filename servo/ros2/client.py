@@ -46,7 +46,7 @@ class Camera:
     pictures (topic `depth`, sensor_msgs/Image).
 
     The message type of a topic `image` that ends with /compressed is CompressedImage. A depth
-    picture (ROS REP 118) needs the size of its picture, and the same stamp within 10 ms.
+    picture (ROS REP 118) must have the size of its picture, and a stamp within 10 ms of its stamp.
     """
 
     def __init__(

@@ -58,7 +58,7 @@ def of_keywords(
             are looked up.
 
     Raises:
-        Mistake: There is no such setting, or its name is not unique.
+        Mistake: A name without a table is that of no setting, or of several.
     """
     for name, raw in given.items():
         value = plain(raw)

@@ -278,8 +278,8 @@ def _start(recorded: Recorded, view: Camera, room: tuple[Range, Range]) -> Table
 
 
 def recorded_of(config: RecordingConfig) -> Recorded:
-    """Return the recording that settings name: its pictures, the target's true corners in them and
-    its camera, as they are on the disk now.
+    """Return the recording that settings name: its pictures, the target's true corners in them [px]
+    and the intrinsics of its camera, as they are on the disk now.
 
     Raises:
         Mistake: Pictures, truth or calibration cannot be read or do not fit each other, or the

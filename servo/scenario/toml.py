@@ -119,7 +119,7 @@ def is_table(value: object) -> TypeGuard[Table]:
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Return whether a value of TOML is a finite number; True and False are no numbers."""
+    """Return whether a value of TOML is a finite number; True and False do not count as numbers."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 

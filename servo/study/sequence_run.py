@@ -165,8 +165,8 @@ are averaged."""
 
 @dataclass(frozen=True, slots=True)
 class TrackedSequence:
-    """A tracker (`contender`) and the painted or recorded sequence of pictures (`entry`) that it
-    follows in a job.
+    """A tracker (`contender`) and the sequence of pictures, painted (synthetic) or recorded, in
+    which it follows a target in a job (`entry`).
     """
 
     contender: Contender

@@ -109,8 +109,8 @@ def tracker_tables(text: str) -> dict[str, Table]:
         text: Trackers, separated by commas, in the forms that `contenders` takes.
 
     Raises:
-        Mistake: There is no such tracker or preset, one is listed twice, or its name is too long
-            for the name of a folder.
+        Mistake: There is no such tracker or preset, one is listed twice, its command or file is
+            missing, or its label cannot be the name of a folder.
     """
     labels = [one.label for one in contenders(text)]
     tables = [_table(word) for word in _words(text)]

@@ -59,8 +59,9 @@ class Smooth:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """What takes a mistake back: a change of the log's values, the frames of its twists, a turn of
-    their linear part or of the positions, or flips of the film or a stretch of its times.
+    """Correction of a mistake in a robot's log or in the film of its camera: a change of the log's
+    values, other frames of its twists, a rotation of their linear part or of the positions, a
+    mirroring of the film, or a factor on its times.
     """
 
     mistake: str

@@ -73,9 +73,9 @@ class TagSightings:
 
 @dataclass(frozen=True, slots=True)
 class StillTag:
-    """A tag in a film: the numbers of the n pictures in which it is seen, its corners there (n, 4,
-    2), undistorted and over the given focal length, and the side of its square that the user states
-    [m].
+    """A tag that stands still, as it is seen in a film: the numbers of the n pictures in which it
+    is seen, its corners there (n, 4, 2) in normalised image coordinates (undistorted, by the stated
+    focal length), and the side of its square as the user states it [m].
     """
 
     numbers: NDArray[np.int64]

@@ -120,7 +120,9 @@ class Fits:
 
     @property
     def most_stray(self) -> float:
-        """Share of points off the fit, from 0 to 1, above which no mount is stated."""
+        """Largest share, from 0 to 1, of the points followed in the film that may be off the fit;
+        above it no mount of the camera is stated.
+        """
         return STRAY_BESIDE if self.stands else MANY_STRAY
 
 
@@ -185,7 +187,9 @@ class Verdict:
 
     @property
     def limits(self) -> list[str]:
-        """What limits a good verdict: rows to adjust, rows that are unknown, and doubts."""
+        """Limits of a good verdict, up to three phrases: "adjust: " and "unknown: " with the names
+        of these rows, and "in doubt" if there are doubts.
+        """
         found: list[str] = []
         for word, state in (("adjust", State.ADJUST), ("unknown", State.UNKNOWN)):
             names = ", ".join(each.what for each in self.findings if each.state is state)
@@ -690,10 +694,10 @@ def believed_mount(numbers: tuple[float, ...]) -> Mount:
 
 
 def preferred(diagnosis: Diagnosis, believed: Mount | None) -> Diagnosis:
-    """Return a diagnosis without those equally good explanations whose mount is turned from the
-    stated one by at least 30 deg more than that of the nearest explanation, or by 8 deg more if the
-    nearest is within 8 deg. It is unchanged if no mount is stated, or if there is one explanation
-    only.
+    """Return a diagnosis without the equally good explanations that are far from the stated mount.
+    An explanation is left out if the angle between its mount and the stated one exceeds the
+    smallest such angle by at least 30 deg, or by at least 8 deg if the smallest is below 8 deg. The
+    diagnosis is unchanged if no mount is stated, or if there is one explanation only.
 
     Args:
         diagnosis: The explanations of a recording, each with its mount.

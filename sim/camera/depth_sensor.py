@@ -20,7 +20,7 @@ AROUND = np.ones((3, 3), np.uint8)
 
 @final
 class DepthSensor:
-    """A simulated depth sensor: turns exact depth pictures into those that a sensor with noise,
+    """A simulated depth sensor: turns exact depth pictures [m] into those that a sensor with noise,
     holes at edges and a limited range would measure, as the camera's settings `config` say; `rng`
     draws the noise.
     """

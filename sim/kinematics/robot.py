@@ -314,7 +314,7 @@ class Robot:
         )
 
     def place(self, data: mujoco.MjData, q: Sequence[float] | Array) -> Pose:
-        """Set the joint positions (n,) [m or rad] in `data`, and compute the poses of its bodies;
+        """Set the joint positions (n,) [m or rad] in `data`, and compute the poses of all bodies;
         return the camera's pose T_world_camera, or T_target_camera if the robot holds the target.
         """
         data.qpos[self.qpos] = q

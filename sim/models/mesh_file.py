@@ -131,8 +131,8 @@ class _Beside:
 
 
 def trimesh() -> ModuleType:
-    """Import the package trimesh and return it; it is imported only when needed, which takes half a
-    second.
+    """Import the package trimesh and return it. The import takes half a second, so it is done only
+    when the package is needed.
     """
     return importlib.import_module("trimesh")
 

@@ -88,7 +88,7 @@ def outline_site(spec: mujoco.MjSpec) -> Array | None:
     site = data.site(OUTLINE)
     if not np.allclose(site.xmat, np.eye(3).ravel(), atol=1e-6):
         raise ValueError(
-            f"the site '{OUTLINE}' is turned against the model: align its axes with the model's"
+            f"the site '{OUTLINE}' is rotated in the model: align its axes with the model's"
         )
     length, width, _ = 2 * model.site(OUTLINE).size
     return rectangle(site.xpos.copy(), length, width)

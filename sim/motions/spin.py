@@ -19,8 +19,8 @@ LEG_DURATION = 2.0
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
     """Settings of turns on the spot and straight drives between them, 2 s each: start x, y in the
-    world [m], first direction and angle of a turn, both from world x towards y [deg], and speed
-    [m/s].
+    world [m], direction of the nose at first and angle of each turn, both from world x towards y
+    [deg], and speed of the drives [m/s].
     """
 
     x: Place = -0.1

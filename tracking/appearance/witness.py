@@ -111,9 +111,9 @@ class Witness:
         later /= max(float(np.linalg.norm(later)), loops.LEAST)
 
     def fare(self, state: State) -> None:
-        """Update the running mean of the filter's output at the target, which decides how much
-        weight `energy` gives the filter, with the output at `state`, the final estimate in the
-        picture that `look` stored.
+        """Update the running mean of the filter's output at the target by its output at `state`,
+        the final estimate in the picture that `look` stored. The lower this mean is
+        (below 0.25), the less weight `energy` gives the filter.
         """
         answer = float(self._answers(self._filter.answer, state.vector[None])[0])
         self._fared += FARED * (answer - self._fared)

@@ -122,7 +122,8 @@ def _answer(served: Served, asked: Mapping[str, Any], image: Image) -> Mapping[s
 
 
 def picture_in(requests: BinaryIO, asked: Mapping[str, Any]) -> Image:
-    """Read the picture, RGB (H, W, 3), that follows a line with its height and width [px].
+    """Read the bytes of a picture from the client's input `requests`, and return it, RGB, uint8 (H,
+    W, 3); `asked` is the line before them, with the picture's "height" and "width" [px].
 
     Raises:
         ValueError: The client's input ends within the picture.

@@ -205,8 +205,8 @@ class Got10kTracker:
             visualize: Not used; `servobench track --video` writes a film.
 
         Returns:
-            Upright boxes (n, 4) of the same form, and the time that the tracker took for each
-            picture (n,) [s].
+            Upright boxes (n, 4) of the same form, of which the first is `box`, and the time that
+            the tracker took for each picture (n,) [s].
 
         Raises:
             ValueError: A side of the box is shorter than 4 px, or most of it is outside the first

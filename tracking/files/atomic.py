@@ -1,8 +1,9 @@
 """Writing of files so that each is complete or absent, and never through a link.
 
-A file is written under another name, flushed to the disk, and renamed over an older one. Because
-the folder may come from another person, a link that has the file's name is replaced, and a link in
-place of a folder below the root is refused.
+A file is written under another name, flushed to the disk, and renamed over an older one; only
+`new_file` opens a file under its own name. Because the folder may come from another person, a link
+that has the file's name is replaced (or refused, if it leads into /proc), and a link in place of a
+folder below the root is refused.
 """
 
 import errno

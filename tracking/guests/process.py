@@ -46,7 +46,7 @@ the script reads a line or the end of its input, which ends also when our own pr
 @dataclass(frozen=True)
 class ProcessSettings(GuestSettings):
     """Settings of a tracker in a process of its own: the command that starts it, which is run
-    without a shell, and which a file may not give.
+    without a shell, and which a TOML file may not give.
     """
 
     traits = frozenset({Trait.FOREIGN})

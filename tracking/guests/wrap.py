@@ -268,8 +268,8 @@ class Wrapping:
         needed = [p.name for p in taken if p.default is p.empty and p.kind not in variable]
         if unknown := [name for name in needed if name not in DRAWN]:
             raise ValueError(
-                f"{self.name} needs {', '.join(unknown)}: give wrap a function without arguments, "
-                "such as lambda: Tracker(...)"
+                f"{self.name} needs the arguments {', '.join(unknown)}: give wrap a function that "
+                "needs none, such as lambda: Tracker(...)"
             )
         drawn = {"rng": np.random.default_rng(seed), "seed": seed}
         return {p.name: drawn[p.name] for p in taken if p.name in drawn}
@@ -291,8 +291,8 @@ class WrapSettings(GuestSettings):
     def guest(self, seed: int) -> TimedGuest:
         """Return the tracker of the other author in a thread of its own, ready for the first
         picture: a new one of a wrapped class or function, or the wrapped object. A new one gets
-        `seed`, if it takes `seed` or `rng`; OpenCV's random numbers and those of C's rand() follow
-        from it in the whole process.
+        `seed`, or `rng` with this seed, if it has such an argument; OpenCV's random numbers and C's
+        rand() are then seeded in the whole process.
 
         Raises:
             ValueError: The tracker cannot be made, or not within the setting `loading` [s].

@@ -379,7 +379,7 @@ def descend(
         start: First state (4,): x, y [px], theta [rad], ln scale.
         kernels: Half sides of the template [px], centres and half axes of the kernels [px], number
             of bins of each channel, and largest number of pixels read, about.
-        root_reference: Square roots q*_k of the reference histograms plus 0.001 (K, B).
+        root_reference: q*_k, square roots (K, B) of the sums of reference histograms and 0.001.
         units: Unit of each coordinate of a state (4,), by which steps are damped and judged.
         most: Largest number of evaluations.
         tolerance: A step with all coordinates below this, in `units`, is the last; it is taken

@@ -1,8 +1,8 @@
 """Compiled loops: direct alignment of a plane by Gauss-Newton steps, inverse compositional
 (Baker, Matthews, Lucas-Kanade 20 years on, 2004).
 
-A point x of the template, in a unit square, is seen at H x; pixel (i, j) has its centre at
-(j + 0.5, i + 0.5).
+A point x of the template, in a unit square from -0.5 to 0.5, is seen at H x [px]; the pixel in row
+i and column j has its centre at (j + 0.5, i + 0.5).
 """
 
 import numpy as np
@@ -75,7 +75,7 @@ def partition(values: Array, rank: int) -> None:
     """Reorder values (n,) in place so that the value at index `rank` is the one of the sorted
     array, with no larger value before it and no smaller one after it (Hoare's quickselect).
 
-    NumPy's `quantile` and `partition` take five times as long to compile.
+    Numba takes five times as long to compile NumPy's `quantile` and `partition`.
     """
     low = 0
     high = len(values) - 1

@@ -12,8 +12,9 @@ from tracking.types import LARGEST_LOG, Estimate, Region, State, Status
 class ParticleFilter:
     """A set of N particles: samples (N, 4) of x, y [px], theta [rad] and ln scale, and weights
     (N,), which sum to 1. In each frame `predict`, `weigh`, `mean` and `resample` are called in this
-    order. All samples begin at `state`; `noise` gives their standard deviations per frame: of
-    position over the target's size, of theta [rad], of ln scale.
+    order. All samples begin at `state`; `noise` has the standard deviations of the noise that
+    `predict` adds in each frame: of x and y over the target's size (the root of its area at the
+    start), of theta [rad], of ln scale.
     """
 
     def __init__(

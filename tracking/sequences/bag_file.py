@@ -94,7 +94,7 @@ def is_bag(path: Path) -> bool:
 
 
 def topics_in(path: Path) -> list[Topic]:
-    """Return the topics of a bag.
+    """Return the topics (named series of messages) of a bag: MCAP, ROS 1 or ROS 2.
 
     Raises:
         ValueError: The bag cannot be read.

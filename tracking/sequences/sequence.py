@@ -163,8 +163,8 @@ def truth_of(source: str) -> Path | None:
 def check_truth(
     truth: Array, source: Source, place: str, form: Format, *, start_is_enough: bool = False
 ) -> None:
-    """Check that the true outlines of a target, read from a truth file, fit the number and the size
-    of the pictures.
+    """Check that the true outlines of a target, read from a truth file, fit the number of the
+    pictures, if it is known, and for `Format.AUTO` also their size.
 
     Args:
         truth: True corners (n, 4, 2) of the target [px].

@@ -272,7 +272,7 @@ def _numbers(line: str, place: str) -> Array:
     try:
         numbers = np.array([float(part) for part in parts])
     except ValueError:
-        hint = " (a decimal point, not a comma)" if "," in line else ""
+        hint = " (if a comma is a decimal sign, write a point)" if "," in line else ""
         raise ValueError(
             f"{place}: '{line[:LONGEST]}' is not a line of numbers{hint}: correct it"
         ) from None
@@ -281,7 +281,7 @@ def _numbers(line: str, place: str) -> Array:
     if len(numbers) not in (BOX, QUAD):
         raise ValueError(
             f"{place}: the line has {len(numbers)} numbers: expected 4 of a box, or 8 of four "
-            "corners"
+            "corners; correct the line"
         )
     if not np.isnan(numbers).all() and not (np.abs(numbers) <= FARTHEST).all():
         raise ValueError(
@@ -337,7 +337,9 @@ def _frame(text: str, place: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise ValueError(f"{place}: the frame is '{text}', expected a number: correct it") from None
+        raise ValueError(
+            f"{place}: the frame is '{text}', but should be a number: correct it"
+        ) from None
 
 
 def _of_csv(lines: list[str], path: Path) -> Array:

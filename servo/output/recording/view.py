@@ -96,7 +96,8 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
             views = {view.origin.strip("/"): view.view_id for view in viewer.get_state().views}
             if panel is not None and panel.strip("/") not in views:
                 raise Mistake(
-                    f"this recording has no panel '{panel}'; it has {', '.join(sorted(views))}"
+                    f"{path}: this recording has no panel '{panel}'; it has "
+                    f"{', '.join(sorted(views))}"
                 )
             view = None if panel is None else views[panel.strip("/")]
             drawn = viewer.take_screenshot(view_id=view)
