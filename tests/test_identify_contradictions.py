@@ -241,7 +241,10 @@ WRONG = {
     "a delay of 1 s": (
         lambda c: {name: np.append(np.zeros(100), c[name][:-100]) for name in (JOINT, ENCODER)},
         # The search ends at 0.5 s: which of the two the best fit there is depends on the processor.
-        (UNCERTAIN, "x does not follow its commands with a delay and a lag of 0.5 s at most: leave "),
+        (
+            UNCERTAIN,
+            "x does not follow its commands with a delay and a lag of 0.5 s at most: leave ",
+        ),
     ),
     "one movement": (
         lambda c: {
