@@ -167,8 +167,16 @@ def test_folders_of_sequences_and_presets_are_benched(monkeypatch, capfd, place)
             cv2.imwrite(str(place / "all" / name / "img" / f"{k}.png"), image)
         lines = [f"{20 + 2 * k},20,20,20" for k in range(4)]
         (place / "all" / name / "groundtruth.txt").write_text("\n".join(lines))
+    (place / "all" / "two" / "img" / "2.png").write_bytes(b"no picture")
     arguments = ["--trackers", "mean_shift,mean_shift:paper", "--seeds", "1", "--workers", "1"]
-    assert call(monkeypatch, capfd, "all", *arguments)[0] == 0
+    code, _, err = call(monkeypatch, capfd, "all", *arguments, "-q")
+    # Said once, though both trackers have read the picture.
+    assert (code, err) == (
+        0,
+        "servobench: two: 1 of 4 pictures cannot be read, the first is 2.png (this picture cannot "
+        "be decoded; known formats are JPEG, PNG, BMP, TIFF, WebP, PPM); "
+        "their rows have the status LOST\n",
+    )
     rows = rows_of(place / "runs" / "evaluate-all" / "runs.csv")
     assert [(r["tracker"], r["sequence"]) for r in rows] == [
         ("mean_shift", "one"),

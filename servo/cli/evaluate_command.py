@@ -17,7 +17,13 @@ from servo.study.execute import Workers, check_number
 from servo.study.parse import load
 from servo.study.ranking import Rank
 from servo.study.run import Job, Record
-from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER, TrackedSequence
+from servo.study.sequence_run import (
+    PRECISION_CURVE,
+    REMARKS,
+    SUCCESS_CURVE,
+    TRACKER,
+    TrackedSequence,
+)
 from servo.study.store import Store, StudyFile, opened
 from sim.camera import gl
 from tracking.drawing import curves
@@ -112,6 +118,9 @@ def run(
             paths.append(_sheets(subjects, ranks[0].tracker, store.folder))
             print_ranks(console, ranks)
             print_paths(console, paths)
+            # Each tracker has read the same pictures: one line for a sequence, not one for each.
+            said = {r.subject: r.settings[REMARKS] for r in records if r.settings.get(REMARKS)}
+            complain(*(f"{sequence}: {sentences}" for sequence, sentences in said.items()))
     return 1 if failed else 0
 
 

@@ -38,7 +38,7 @@ from servo.scenario.toml import Table, assignment, is_table, put
 from sim.kinds import PartConfig
 from sim.types import Array
 from tracking.advice import advice
-from tracking.evaluation.track import Shot, Track, follow
+from tracking.evaluation.track import Shot, Track, follow, notes, remarks
 from tracking.evaluation.track_measures import MEASURES, Comparison, measure_all
 from tracking.evaluation.warm_up import warm_up
 from tracking.files.json_text import number
@@ -403,15 +403,8 @@ def _report(
         began="" if came is None else came.isoformat(timespec="milliseconds"),
         dropped=0 if end is None else end.dropped,
         damaged=0 if end is None else end.damaged,
-        notes=_notes(seen),
+        notes=notes(seen),
     )
-
-
-def _notes(seen: list[Shot]) -> list[str]:
-    """Return the remarks of the source about its pictures (such as the bits that they use), each
-    once.
-    """
-    return list(dict.fromkeys(note for shot in seen for note in shot.picture.notes))
 
 
 def print_track(
@@ -439,23 +432,4 @@ def print_track(
         print_table(
             console, words.Table(("measure", "value", "better", "meaning"), rows, (0, 2, 3))
         )
-    _print_oddities(seen, end)
-
-
-def _print_oddities(seen: list[Shot], end: End | None) -> None:
-    """Print warnings about pictures that cannot be read or change size, and a stream's end."""
-    blind = [shot.picture for shot in seen if shot.blind]
-    sizes = [shot for shot in seen if shot.size is not None]
-    change = next((b for a, b in itertools.pairwise(sizes) if a.size != b.size), None)
-    if change is not None:
-        size = " x ".join(map(str, change.size or ()))
-        complain(
-            f"the pictures change their size at {change.picture.name} to {size} px; the target is "
-            "searched for at the same pixels"
-        )
-    if blind:
-        complain(
-            f"{len(blind)} of {len(seen)} pictures cannot be read, the first is "
-            f"{blind[0].name} ({blind[0].reason}); their rows have the status LOST"
-        )
-    complain(*_notes(seen), *([] if end is None else [end.sentence]))
+    complain(*remarks(seen), *([] if end is None else [end.sentence]))

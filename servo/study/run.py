@@ -132,7 +132,8 @@ class Record:
     settings: dict[str, Any] = field(default_factory=dict[str, Any])
     """Values of the study's axes and drawn settings in this run, by name. For a run on a sequence
     also "family" (name of the recording, or of the kind of painted sequence), "drawn" (whether it
-    is painted) and "frames" (number of pictures that were tracked)."""
+    is painted), "frames" (number of pictures that were tracked) and "remarks" (sentences about
+    pictures that cannot be read, or change their size)."""
     command: str = ""
     """Command line that repeats this run alone."""
     outcome: str

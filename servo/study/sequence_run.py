@@ -15,7 +15,7 @@ from servo.scenario.named_files import DIGITS, digest_of, digests, named_by
 from servo.scenario.toml import Table
 from servo.study.run import SEQUENCE, Job, Record
 from sim.kinds import kind_of
-from tracking.evaluation.track import Track, follow
+from tracking.evaluation.track import Track, follow, remarks
 from tracking.evaluation.track_file import TrackFile
 from tracking.evaluation.track_measures import Comparison, measure_all
 from tracking.evaluation.warm_up import warm_up
@@ -29,6 +29,8 @@ TRACKS = "tracks"
 TRACKER = "tracker"
 SUCCESS_CURVE = "success_curve"
 """Series of a record: share of frames above each overlap threshold."""
+REMARKS = "remarks"
+"""Setting of a record: sentences about pictures that cannot be read, or change their size."""
 PRECISION_CURVE = "precision_curve"
 """Series of a record: share of frames within each error threshold."""
 LONGEST_LABEL = 60
@@ -222,6 +224,7 @@ class TrackedSequence:
                 "family": self.name,
                 "drawn": isinstance(self.entry, Generated),
                 "frames": len(shots),
+                REMARKS: ". ".join(remarks(shots)),
             },
             command=job.command,
             outcome="COMPLETED" if measures["completed"] else "LOST",

@@ -20,6 +20,8 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[2]))  # this checkout, not one that is installed
+
 import servo
 import servo.gym
 from servo.loop.measure import TIMED as TIMED_MEASURE

@@ -2,8 +2,9 @@
 
 import dataclasses
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -87,6 +88,41 @@ def follow(
         yield Shot(picture, index, found, seconds, (width, height))
         last = found.state
         follows = found.follows
+
+
+def notes(shots: Sequence[Shot]) -> list[str]:
+    """Return the sentences of a source about its pictures (such as the bits that they use), each
+    once.
+
+    Args:
+        shots: A tracker's results for the pictures of the source, in order.
+    """
+    return list(dict.fromkeys(note for shot in shots for note in shot.picture.notes))
+
+
+def remarks(shots: Sequence[Shot]) -> list[str]:
+    """Return sentences for the user about pictures that cannot be read, or that have another size
+    than the one before, and those of the source (`notes`).
+
+    Args:
+        shots: A tracker's results for the pictures of a source, in order.
+    """
+    found = list[str]()
+    sizes = [shot for shot in shots if shot.size is not None]
+    change = next((after for before, after in pairwise(sizes) if before.size != after.size), None)
+    if change is not None:
+        size = " x ".join(map(str, change.size or ()))
+        found.append(
+            f"the pictures change their size at {change.picture.name} to {size} px; the target is "
+            "searched for at the same pixels"
+        )
+    blind = [shot.picture for shot in shots if shot.blind]
+    if blind:
+        found.append(
+            f"{len(blind)} of {len(shots)} pictures cannot be read, the first is "
+            f"{blind[0].name} ({blind[0].reason}); their rows have the status LOST"
+        )
+    return [*found, *notes(shots)]
 
 
 @dataclass(frozen=True, slots=True)
