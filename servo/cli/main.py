@@ -134,7 +134,7 @@ def check() -> None:
     help="Pictures a second of a folder [Hz].",
 )
 @click.option(
-    "--frames", type=click.IntRange(1, 1_000_000_000), help="Largest number of pictures to track."
+    "--frames", type=opt.WholeNumber(1, 1_000_000_000), help="Largest number of pictures to track."
 )
 @opt.quiet_option
 def track() -> None:
@@ -339,7 +339,7 @@ def compare() -> None:
 )
 @click.option(
     "--seeds",
-    type=click.IntRange(1, 1000),
+    type=opt.WholeNumber(1, 1000),
     default=8,
     show_default=True,
     help="Seeds of a candidate that is not stopped: 1, 2, ...",

@@ -19,7 +19,14 @@ from servo.scenario import catalogue
 Function = TypeVar("Function", bound=Callable[..., object])
 PORT = 9090
 """TCP port of a viewer's data, by default."""
-PORTS = click.IntRange(1024, 65_534)
+
+
+class WholeNumber(click.IntRange):
+    """A whole number within limits, which messages and the help call an integer, not an "integer
+    range" as click does.
+    """
+
+    name = "integer"
 
 
 class FiniteRange(click.FloatRange):
@@ -106,8 +113,9 @@ SCENARIO = Shipped(catalogue.shipped)
 STUDY = Shipped(catalogue.studies)
 PATH = Named(path_type=Path)
 SOURCE = Named(path_type=str)
-COUNT = click.IntRange(min=1)
-NATURAL = click.IntRange(min=0)
+COUNT = WholeNumber(min=1)
+PORTS = WholeNumber(1024, 65_534)
+NATURAL = WholeNumber(min=0)
 
 quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print nothing but mistakes.")
 changes_option = click.option(
