@@ -258,6 +258,11 @@ def test_a_dry_run_tells_how_many_runs_and_keeps_nothing(tmp_path, monkeypatch, 
     assert first == "40 runs, 0 of them finished"
     assert re.fullmatch(r"a run takes \d+\.\d s here, 40 runs about \d+ s, 2 at once", second)
     assert err == ""
+    # Nobody knows how many workers a cluster will have.
+    cluster = "tcp://127.0.0.1:8786"
+    assert sweep_command.run("mine.toml", [], None, 2, cluster, None, False, True) == 0
+    shared = r"40 runs about \d+ s, divided by the number of the cluster's workers"
+    assert re.search(shared, capsys.readouterr().out)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
 
 

@@ -73,14 +73,15 @@ def duration(seconds: float) -> str:
 
 
 def print_estimate(
-    jobs: Sequence[Job], workers: int, console: Console, store: Store | None = None
+    jobs: Sequence[Job], workers: int | None, console: Console, store: Store | None = None
 ) -> int:
     """Do up to five of the missing runs without keeping their results, until one fails; print how
     many runs there are, how long the missing ones will take, and on stderr why a run failed.
 
     Args:
         jobs: All jobs, one for each run.
-        workers: Number of processes that will do the jobs.
+        workers: Number of processes that will do the jobs; None: those of a cluster, whose number
+            is not known.
         console: The output of the command.
         store: The folder in which some of the jobs may have a record; None: no run is finished.
 
@@ -98,12 +99,10 @@ def print_estimate(
     if not missing:
         return 0
     spent, failed = tried(missing)
-    at_once = min(workers, os.cpu_count() or 1, len(missing))
+    at_once = 1 if workers is None else min(workers, os.cpu_count() or 1, len(missing))
     whole = duration(spent * len(missing) / at_once)
-    plain(
-        console,
-        f"a run takes {spent:.1f} s here, {len(missing):,} runs about {whole}, {at_once} at once",
-    )
+    shared = f"{at_once} at once" if workers else "divided by the number of the cluster's workers"
+    plain(console, f"a run takes {spent:.1f} s here, {len(missing):,} runs about {whole}, {shared}")
     again = [f" (again: {job.command})" if job.command else "" for job, _ in failed]
     complain(*(f"{fail.reason}{more}" for (_, fail), more in zip(failed, again, strict=True)))
     return 1 if failed else 0

@@ -135,7 +135,8 @@ def run_study(
         try_out((scenario.tracker for scenario in samples), console)
     folder = out or Path("runs") / f"sweep-{study.name}"
     if dry_run:
-        return print_estimate(list(study.jobs()), workers.count, console, Store(folder))
+        at_once = workers.count if workers.scheduler is None else None
+        return print_estimate(list(study.jobs()), at_once, console, Store(folder))
     with opened(folder, StudyFile.of(study, command)) as store, workers:
         jobs = list(study.jobs())
         store.find(jobs)
