@@ -25,7 +25,7 @@ LEAST_ELONGATION = 1.1
 without limit as the shape becomes round."""
 ROUND = 1e-9
 """Below this difference of the principal moments, over their sum, a shape has no orientation."""
-Row = tuple[float, float, float, float, float, float]
+InteractionRow = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class Spread:
         )
 
 
-def row_xn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
+def row_xn(m: Moments, plane: Plane, an: float, s: Spread) -> InteractionRow:
     """Return the row (6,) of xn = an xg in the interaction matrix."""
     A = plane.A
     B = plane.B
@@ -68,7 +68,7 @@ def row_xn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
     return vx, vy, vz, an * s.e11, -an * (1 + s.e12), yn
 
 
-def row_yn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
+def row_yn(m: Moments, plane: Plane, an: float, s: Spread) -> InteractionRow:
     """Return the row (6,) of yn = an yg in the interaction matrix."""
     A = plane.A
     B = plane.B
@@ -80,7 +80,7 @@ def row_yn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
     return vx, vy, vz, an * (1 + s.e21), -an * s.e11, -xn
 
 
-def row_an(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
+def row_an(m: Moments, plane: Plane, an: float, s: Spread) -> InteractionRow:
     """Return the row (6,) of an = K / sqrt(a) in the interaction matrix, with the area a."""
     A = plane.A
     B = plane.B
@@ -90,7 +90,7 @@ def row_an(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
     return A * an / 2, B * an / 2, vz, -1.5 * an * m.yg, 1.5 * an * m.xg, 0.0
 
 
-def row_theta(m: Moments, plane: Plane) -> Row:
+def row_theta(m: Moments, plane: Plane) -> InteractionRow:
     """Return the row (6,) of the angle theta = atan2(2 mu11, mu20 - mu02) / 2 in the interaction
     matrix.
 

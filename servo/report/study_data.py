@@ -12,7 +12,7 @@ import numpy as np
 from servo.report.words import counted, shown, spread
 from servo.study.record_file import rows_of
 from servo.study.results import SUCCESS, Cell, Units, values
-from servo.study.run import Row, key_of
+from servo.study.run import RunRow, key_of
 from servo.study.store import FAILURES, FailureFile, Store, StudyFile
 from sim.types import Array
 
@@ -34,7 +34,7 @@ class StudyResults:
 
     store: Store
     plan: StudyFile
-    rows: list[Row]
+    rows: list[RunRow]
     series: dict[int, Series]
     """Values over time by the number of the run, of at most `MOST_OVER_TIME` runs."""
     pictured: set[int]
@@ -66,13 +66,13 @@ class StudyResults:
             return self.plan.compare
         return next(iter(self.axes), None)
 
-    def units(self, rows: list[Row]) -> Units:
+    def units(self, rows: list[RunRow]) -> Units:
         """Return rows of runs, grouped by independent repetitions, over which intervals are
         computed: by scenarios, random draws or seeds, or else all runs together.
         """
         return Units.of(rows, self.axes, bool(self.plan.draws))
 
-    def groups(self, key: str | None) -> dict[str, list[Row]]:
+    def groups(self, key: str | None) -> dict[str, list[RunRow]]:
         """Return the rows of the runs, by the values (as texts) of an axis, in the axis's order. A
         value without a finished run has an empty list.
 
@@ -83,7 +83,7 @@ class StudyResults:
             return {"all runs": self.rows}
         return {str(v): [r for r in self.rows if r[key] == v] for v in self.axes[key]}
 
-    def sheets(self, most: int) -> Iterator[tuple[Row, bytes]]:
+    def sheets(self, most: int) -> Iterator[tuple[RunRow, bytes]]:
         """Yield up to `most` runs that have a contact sheet, each as its row and the sheet (bytes
         of an encoded picture); first those that did not succeed.
         """
@@ -149,7 +149,7 @@ def duration(series: Series) -> float:
     return float(time[-1] + (np.median(np.diff(time)) if len(time) > 1 else 0))
 
 
-def median(rows: list[Row], name: str) -> float:
+def median(rows: list[RunRow], name: str) -> float:
     """Return the median of a measure over the runs in which it has a finite value; nan if there is
     none.
 

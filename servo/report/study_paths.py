@@ -8,7 +8,7 @@ from matplotlib.figure import Figure as Drawing
 
 from servo.report.charts import INK, styled, svg
 from servo.report.page import LIGHT, Figure
-from servo.report.study_data import Row, Series, StudyResults
+from servo.report.study_data import RunRow, Series, StudyResults
 from servo.report.words import listed
 from servo.study.scenario_run import CAMERA, CORNERS
 from sim.camera.camera import CameraConfig
@@ -34,7 +34,7 @@ def paths(study: StudyResults) -> list[Figure]:
     """
     if study.compared is None or not shows(study):
         return []
-    found: dict[str, dict[str, tuple[Row, Series]]] = {}
+    found: dict[str, dict[str, tuple[RunRow, Series]]] = {}
     for row in study.rows:
         series = study.series.get(row["run"])
         if row.get("seed") == study.plan.seeds[0] and series and CAMERA[0] in series:
@@ -59,7 +59,7 @@ def _size(study: StudyResults) -> tuple[int, int]:
     return camera.get("width", default.width), camera.get("height", default.height)
 
 
-def _figure(title: str, runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> Figure:
+def _figure(title: str, runs: dict[str, tuple[RunRow, Series]], size: tuple[int, int]) -> Figure:
     """Return a figure with a column for each of some runs (row and values over time, by the
     column's title): above, the path of the camera in space; below, the paths of the corners in the
     picture, whose width and height are `size` [px].

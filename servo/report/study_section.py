@@ -12,7 +12,7 @@ from servo.loop.run_measures import Outcome
 from servo.loop.settings import DOES_NOT_REPEAT
 from servo.report import page, study_paths, study_time
 from servo.report.page import Block, Fact, Figure, PageImage, Section
-from servo.report.study_data import SUCCESS, Row, StudyResults, load, median, missing, values
+from servo.report.study_data import SUCCESS, RunRow, StudyResults, load, median, missing, values
 from servo.report.words import (
     NOTHING,
     Badge,
@@ -152,7 +152,7 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
     return Block("What was varied, and what held", text, broken[:MOST_LISTED], [table])
 
 
-def _median_words(rows: list[Row], name: str) -> str:
+def _median_words(rows: list[RunRow], name: str) -> str:
     """Return the median of a measure as text; if not all runs have the measure, with their number:
     "1.2 (3 of 5)".
     """
@@ -249,7 +249,7 @@ def _sheets(study: StudyResults) -> list[Block]:
     return [Block("Contact sheets", text, pictures=found)]
 
 
-def _named(study: StudyResults, row: Row) -> str:
+def _named(study: StudyResults, row: RunRow) -> str:
     settings = {key: row[key] for key in study.axes}
     return f"run {row['run']}, {listed(settings | {'seed': row.get('seed')})}"
 

@@ -17,7 +17,7 @@ from servo.report.study_data import (
     MOST_OVER_TIME,
     SUCCESS,
     TIME,
-    Row,
+    RunRow,
     Series,
     StudyResults,
     duration,
@@ -205,7 +205,7 @@ def heat_maps(study: StudyResults) -> list[Figure]:
     notes += [cut(f"values of {k}", study.axes[k], MOST_CELLS) or "" for k in (x, y)]
     note = " ".join(filter(None, notes))
 
-    def grid(score: Callable[[list[Row]], float]) -> Array:
+    def grid(score: Callable[[list[RunRow]], float]) -> Array:
         return np.array(
             [
                 [score([r for r in study.rows if r[x] == a and r[y] == b]) for a in columns]
@@ -225,7 +225,7 @@ def heat_maps(study: StudyResults) -> list[Figure]:
 
 
 def _curve(
-    study: StudyResults, rows: list[Row], key: str, name: str, label: str, ink: str
+    study: StudyResults, rows: list[RunRow], key: str, name: str, label: str, ink: str
 ) -> Curve:
     at: list[tuple[float, float, float, float]] = []
     for value in sorted(study.axes[key]):

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from servo.scenario.toml import Table
 from servo.study.bounds import MissedBound
-from servo.study.run import SCENARIO, Record, Row, version_columns
+from servo.study.run import SCENARIO, Record, RunRow, version_columns
 from tracking.files.json_text import as_json
 
 RUN = "run"
@@ -136,7 +136,7 @@ def _column(table: pa.Table, name: str) -> Sequence[Any]:
     )
 
 
-def rows_of(table: pa.Table) -> list[Row]:
+def rows_of(table: pa.Table) -> list[RunRow]:
     """Return the rows of an Arrow table of results as read-only mappings from column to value, with
     None in place of nan.
     """

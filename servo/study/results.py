@@ -15,7 +15,7 @@ from servo.loop.measure import COUNTED, MEASURES, TIMED
 from servo.scenario.expected import SUCCESS_RATE
 from servo.scenario.toml import Table
 from servo.study.plan import Study
-from servo.study.run import SCENARIO, Row, grouped_by
+from servo.study.run import SCENARIO, RunRow, grouped_by
 from servo.study.scenario_run import MEASURED, RECORDED, TRACK_MS
 from sim.types import Array
 from tracking.files.csv_text import csv_text
@@ -54,11 +54,11 @@ class Units:
     name: str
     """Kind of the units: scenario, draw (a seed with drawn settings), seed, or run (all runs are
     one observation)."""
-    rows: dict[Any, list[Row]]
+    rows: dict[Any, list[RunRow]]
     """Rows by unit."""
 
     @staticmethod
-    def of(rows: Sequence[Row], keys: Collection[str], drawn: bool, apart: str = "") -> "Units":
+    def of(rows: Sequence[RunRow], keys: Collection[str], drawn: bool, apart: str = "") -> "Units":
         """Group the result rows of a study's runs by unit (independent observation): by scenario if
         there are several; else by seed, or all together if no setting is drawn and seeds change
         nothing but computing times.
@@ -96,7 +96,7 @@ class Units:
         return mean_of(np.array(scores), least=least, most=1.0 if name == SUCCESS else np.inf)
 
 
-def values(rows: Iterable[Row], name: str) -> Array:
+def values(rows: Iterable[RunRow], name: str) -> Array:
     """Return the finite values (n,) of a measure in the rows that have one, in the measure's unit
     and the order of the rows.
     """
@@ -104,7 +104,7 @@ def values(rows: Iterable[Row], name: str) -> Array:
     return found[np.isfinite(found)]
 
 
-def uncounted(rows: Sequence[Row]) -> str:
+def uncounted(rows: Sequence[RunRow]) -> str:
     """Return a sentence if no run reached the setting measure.after, the time from which on errors
     count, so that measures of errors have no value; else, or without rows, "".
     """
@@ -113,7 +113,7 @@ def uncounted(rows: Sequence[Row]) -> str:
     return "No run reaches the time measure.after: measures from this time on have no value."
 
 
-def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
+def _by(rows: Iterable[RunRow], keys: Sequence[str]) -> dict[Any, list[RunRow]]:
     """Group rows by the tuple of their values in some columns."""
     return grouped_by(rows, lambda row: tuple(row.get(key) for key in keys))
 
@@ -140,7 +140,7 @@ class Cell:
     """Number of runs in which the measure is finite, by measure."""
 
     @staticmethod
-    def of(settings: Table, rows: Sequence[Row], *, drawn: bool) -> "Cell":
+    def of(settings: Table, rows: Sequence[RunRow], *, drawn: bool) -> "Cell":
         """Return the results of the runs with one combination of axis values.
 
         Args:
@@ -184,7 +184,7 @@ class Compared:
         return [self.first, self.second, self.unit, t.wins, t.losses, t.ties, t.z, t.p, self.p_holm]
 
 
-def grouped(keys: Sequence[str], rows: Iterable[Row]) -> list[tuple[Table, list[Row]]]:
+def grouped(keys: Sequence[str], rows: Iterable[RunRow]) -> list[tuple[Table, list[RunRow]]]:
     """Group rows of a table of results by their values in the columns `keys`, such as axes.
 
     Returns:
@@ -195,7 +195,7 @@ def grouped(keys: Sequence[str], rows: Iterable[Row]) -> list[tuple[Table, list[
     return [(dict(zip(keys, at, strict=True)), group) for at, group in groups.items()]
 
 
-def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
+def cells_of(study: Study, rows: Iterable[RunRow]) -> list[Cell]:
     """Return the results of each combination of axis values that has rows, in the order of the
     rows.
 
@@ -243,7 +243,7 @@ def moved(cells: Sequence[Cell]) -> list[str]:
 
 
 def comparisons(
-    key: str | None, axes: Sequence[str], rows: Sequence[Row], *, drawn: bool = False
+    key: str | None, axes: Sequence[str], rows: Sequence[RunRow], *, drawn: bool = False
 ) -> list[Compared]:
     """Compare every pair of values of an axis by McNemar's test on success, with Holm's correction
     for the number of pairs; the success rate of the first value of a pair is at least that of the

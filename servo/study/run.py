@@ -23,7 +23,7 @@ Item = TypeVar("Item")
 Key = TypeVar("Key")
 Series = NDArray[Any]
 """Numbers or flags (n,)."""
-Row = Mapping[str, Any]
+RunRow = Mapping[str, Any]
 """A run's row in a table of results: values by column."""
 SCENARIO = "scenario"
 SEQUENCE = "sequence"
@@ -164,7 +164,7 @@ class Record:
     """Wall-clock time of the run [s]; nan in a record that was read from a file."""
 
     @property
-    def row(self) -> Row:
+    def row(self) -> RunRow:
         """Return the values of the run by column of a table of results; a measure that is nan or
         infinite is None.
         """
