@@ -286,10 +286,11 @@ def test_what_cannot_be_is_refused_in_a_sentence(small, tmp_path, case):
 
 
 def test_what_is_assumed_is_said(small):
-    assert load("still").recording.remarks() == load("recording").recording.remarks() == []
+    assert load("still").recording.remarks(FOCAL) == []
+    assert load("recording").recording.remarks(FOCAL) == []
     config = load("recording", [f"recording.pictures={small}"]).recording
-    assert replace(config, fov_deg=60.0).remarks() == []
-    assert config.remarks() == [
+    assert replace(config, fov_deg=60.0).remarks(FOCAL) == []
+    assert config.remarks(FOCAL) == [
         "the recording's field of view is taken to be 60 deg: set recording.fov_deg or "
         "recording.calibration"
     ]
@@ -298,9 +299,10 @@ def test_what_is_assumed_is_said(small):
 def test_a_small_recording_is_enlarged(tmp_path):
     as_folder(tmp_path, wide(320, FOCAL / 2, 0.2, *MOVES))
     scenario = load("recording", [f"recording.pictures={tmp_path}", "recording.fov_deg=60"])
-    assert scenario.recording.remarks() == [
+    assert scenario.recording.remarks(scenario.camera.fx) == [
         "the recording has 320 x 240 px: its pictures are enlarged 2 times"
     ]
+    assert scenario.recording.remarks(FOCAL / 2) == []  # the user's own focal length
     assert scenario.camera.fx == pytest.approx(FOCAL, rel=1e-3)
     assert recorded(tmp_path, *TRUTH)[0].frame.image.shape == (240, 320, 3)
 

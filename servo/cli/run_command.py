@@ -223,7 +223,7 @@ def remarks(episode: Episode) -> list[str]:
     lines = [
         _outline_line(episode.world.outline) if episode.world.outline_found else "",
         *doubts(episode.world.robot),
-        *episode.scenario.recording.remarks(),
+        *episode.scenario.recording.remarks(episode.world.camera.focal),
         *_start_lines(episode),
         advice(episode.scenario.tracker, first.image, region, state),
         _tilt_line(episode),

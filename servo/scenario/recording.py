@@ -27,6 +27,8 @@ from tracking.sequences.sources import RATE
 SECTION = "recording"
 FOV = 60.0
 """Horizontal field of view of a recording camera that nothing states [deg]."""
+SAME_SIZE = 1e-3
+"""Share by which pictures may be enlarged without a remark."""
 LEAST = 640, 480
 """Width and height [px] that a recording's pictures have at least after scaling: see `scale_of`."""
 MARGIN = 0.98
@@ -79,10 +81,13 @@ class RecordingConfig:
         """
         return partial(RecordingRenderer, recorded_of(self)) if self.pictures else None
 
-    def remarks(self) -> list[str]:
+    def remarks(self, focal: float) -> list[str]:
         """Return sentences for the user: one if the recording's field of view is taken to be 60
-        degrees because nothing gives it, and one that its pictures are enlarged if they are less
-        than 640 px wide or 480 px high. The list is empty if neither holds, or without a recording.
+        degrees because nothing gives it, and one if its pictures are enlarged for the run. The list
+        is empty if neither holds, or without a recording.
+
+        Args:
+            focal: Focal length of the run's camera [px].
 
         Raises:
             Mistake: The recording cannot be read.
@@ -98,7 +103,7 @@ class RecordingConfig:
                 f"the recording's field of view is taken to be {FOV:g} deg: set recording.fov_deg "
                 "or recording.calibration"
             )
-        if (factor := scale_of(camera)) > 1:
+        if (factor := focal / camera.focal) > 1 + SAME_SIZE:
             said.append(
                 f"the recording has {camera.width} x {camera.height} px: its pictures are enlarged "
                 f"{factor:.3g} times"
