@@ -202,7 +202,7 @@ def contestants(
     Args:
         benchmark: The benchmark in which they take part.
         given: Names of shipped contestants, or name=kind:preset, name=module:Class,
-            name='trax:COMMAND' or name='program:COMMAND' for a program, or name=onnx:FILE[,FILE]
+            name='trax:COMMAND' or name='program:COMMAND' for a program, or name=onnx:FILE[,FILE[,FILE]]
             for networks of OpenCV's trackers (for a law, one network that acts as controller);
             empty: all shipped contestants.
         changes: Changes KEY=VALUE of the settings of all contestants, whose division is then OPEN.

@@ -29,11 +29,12 @@ def app() -> None:
 @click.option(
     "--tracker",
     help="Its tracker: kind, kind:preset, module:Class, 'program:COMMAND', 'trax:COMMAND' or "
-    "onnx:FILE[,FILE] (default: the scenario's).",
+    "onnx:FILE[,FILE[,FILE]] (default: the scenario's).",
 )
 @click.option(
     "--controller",
-    help="Its control law: kind, kind:preset, module:Class or onnx:FILE (default: the scenario's).",
+    help="Its control law: kind, kind:preset, module:Class, 'program:COMMAND' or onnx:FILE "
+    "(default: the scenario's).",
 )
 @opt.changes_option
 @opt.exact_option
@@ -102,7 +103,7 @@ def check() -> None:
     default="annealed:video",
     show_default=True,
     help="The tracker (servobench list tracker): kind, kind:preset, module:Class, "
-    "'program:COMMAND', 'trax:COMMAND' or onnx:FILE[,FILE].",
+    "'program:COMMAND', 'trax:COMMAND' or onnx:FILE[,FILE[,FILE]].",
 )
 @opt.changes_option
 @click.option(
@@ -180,7 +181,7 @@ def evaluate() -> None:
     multiple=True,
     metavar="NAME[=WHAT]",
     help="A contestant: a shipped one, mine=module:Class, mine='program:COMMAND', "
-    "mine='trax:COMMAND' or mine=onnx:FILE[,FILE] (default: all shipped ones).",
+    "mine='trax:COMMAND' or mine=onnx:FILE[,FILE[,FILE]] (default: all shipped ones).",
 )
 @click.option(
     "--band",
@@ -269,7 +270,7 @@ def sweep() -> None:
     multiple=True,
     metavar="NAME=WHAT",
     help="A tracker: kind, kind:preset, module:Class, 'program:COMMAND', 'trax:COMMAND' or "
-    "onnx:FILE[,FILE]; may be repeated, as all of these options.",
+    "onnx:FILE[,FILE[,FILE]]; may be repeated, as all of these options.",
 )
 @click.option("--controller", multiple=True, metavar="NAME=WHAT", help="A control law, likewise.")
 @click.option("--estimator", multiple=True, metavar="NAME=WHAT", help="An estimator, likewise.")
