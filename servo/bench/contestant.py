@@ -202,9 +202,9 @@ def contestants(
     Args:
         benchmark: The benchmark in which they take part.
         given: Names of shipped contestants, or name=kind:preset, name=module:Class,
-            name='trax:COMMAND' or name='program:COMMAND' for a program, or name=onnx:FILE[,FILE[,FILE]]
-            for networks of OpenCV's trackers (for a law, one network that acts as controller);
-            empty: all shipped contestants.
+            name='trax:COMMAND' or name='program:COMMAND' for a program, or
+            name=onnx:FILE[,FILE[,FILE]] for networks of OpenCV's trackers (for a law, one network
+            that acts as controller); empty: all shipped contestants.
         changes: Changes KEY=VALUE of the settings of all contestants, whose division is then OPEN.
             A user's tracker, or policy for goal pictures, runs in another process, unless a setting
             of the tracker or the controller is changed; a user's class in a benchmark of laws runs

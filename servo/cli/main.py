@@ -105,7 +105,7 @@ def check() -> None:
     help="The tracker (servobench list tracker): kind, kind:preset, module:Class, "
     "'program:COMMAND', 'trax:COMMAND' or onnx:FILE[,FILE[,FILE]].",
 )
-@opt.changes_option
+@opt.changes_of("a setting of the tracker")
 @click.option(
     "--seed",
     type=opt.NATURAL,
@@ -193,7 +193,7 @@ def evaluate() -> None:
     metavar="VALUE",
     help="Worlds drawn from a public value of a later date.",
 )
-@opt.changes_option
+@opt.changes_of("a setting of a contestant, [tracker], [features] or [controller]")
 @click.option("--quick", is_flag=True, help="Run only two worlds of each condition.")
 @click.option(
     "--submit",

@@ -118,14 +118,23 @@ PORTS = WholeNumber(1024, 65_534)
 NATURAL = WholeNumber(min=0)
 
 quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print nothing but mistakes.")
-changes_option = click.option(
-    "--set",
-    "changes",
-    metavar="KEY=VALUE",
-    multiple=True,
-    help="Change any setting; may be repeated: the last value of a key counts. A value is TOML, or "
-    "else a text.",
-)
+
+
+def changes_of(what: str) -> Callable[[Function], Function]:
+    """Return a decorator that adds the option --set to a command; `what` names in its help which
+    settings can be changed.
+    """
+    return click.option(
+        "--set",
+        "changes",
+        metavar="KEY=VALUE",
+        multiple=True,
+        help=f"Change {what}; may be repeated: the last value of a key counts. A value is TOML, "
+        "or else a text.",
+    )
+
+
+changes_option = changes_of("any setting")
 exact_option = click.option(
     "--exact",
     is_flag=True,

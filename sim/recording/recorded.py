@@ -139,8 +139,8 @@ class RecordingSettings(Protocol):
         """
         ...
 
-    def remarks(self) -> list[str]:
+    def remarks(self, focal: float) -> list[str]:
         """Return remarks about the recording that the user is to read, a sentence each; an empty
-        list if there are none.
+        list if there are none. `focal` is the focal length of the run's camera [px].
         """
         ...

@@ -1,6 +1,6 @@
 """dlib's correlation tracker as a TraX server: python tests/tools/dlib_trax.py.
 
-It made dlib's row in the table of loop-v1, in an environment of its own: it needs the packages vot-trax and dlib-bin. The
+It made dlib's rows in the tables of loop-v1 and loop-v2, in an environment of its own: it needs the packages vot-trax and dlib-bin. The
 tracker is that of Danelljan, Hager, Khan and Felsberg, "Accurate scale estimation for robust visual tracking" (2014).
 """
 

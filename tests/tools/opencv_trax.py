@@ -1,6 +1,6 @@
 """A tracker of OpenCV as a TraX server: python tests/tools/opencv_trax.py CSRT.
 
-It made the rows of CSRT, KCF and MIL in the table of loop-v1, in an environment of its own: it needs the packages vot-trax and
+It made the rows of CSRT, KCF and MIL in the tables of loop-v1 and loop-v2, in an environment of its own: it needs the packages vot-trax and
 opencv-contrib-python-headless. Where OpenCV says that it does not see the target, it answers with a box of
 zeros, as vot-trax cannot answer with no region.
 """
