@@ -48,6 +48,7 @@ from servo.mistake import Mistake
 from servo.report import benchmark_section
 from servo.scenario.part_names import settings_of
 from servo.scenario.toml import copied, put
+from servo.study.execute import Workers, execute
 from servo.study.run import Record
 from servo.types import Command
 from sim import world as sim_world
@@ -1253,6 +1254,34 @@ def test_a_run_ends_where_the_simulation_is_unstable_but_not_where_a_law_fails(
     record = still.subject.perform(still, tmp_path)
     errors = record.series[ERROR]
     assert np.isfinite(errors).tolist() == [True] * 3 + [False] * (len(errors) - 3)
+
+
+class Leaving:
+    """A tracker whose second object, which gets the pictures of the open loop, exits."""
+
+    objects = 0
+
+    def init(self, image, rect):
+        Leaving.objects += 1
+        self.rect = rect
+
+    def update(self, image):
+        if Leaving.objects > 1:
+            raise SystemExit("no more")
+        return True, self.rect
+
+
+def test_a_tracker_that_exits_in_the_open_loop_is_a_failure_and_the_next_run_is_done(monkeypatch):
+    monkeypatch.setattr(Leaving, "objects", 0)
+    loop = load("loop-v2")
+    worlds = loop.every_world(Band("dev"), 1)[:1]
+    short = replace(loop, scenario=loop.scenario | {"run": {"duration": 0.1, "latency": 0}})
+    leaving = Contestant("leaves", settings_of("tracker", f"{__name__}:Leaving"), Division.OPEN)
+    jobs = jobs_of(short, [leaving, *scale_of(short)[:1]], worlds)
+    with Workers() as workers:
+        [(_, failure), (_, record)] = execute(jobs, workers)
+    assert failure.mistake == f"tracker '{__name__}:Leaving': SystemExit: no more"
+    assert len(record.series[ERROR]) == 3
 
 
 def test_a_run_that_does_not_arrive_has_a_sheet_though_its_target_is_near(tmp_path):

@@ -219,18 +219,33 @@ def test_vots_newer_integration_takes_polygons_and_no_confidence(tmp_path):
         assert isinstance(found, Polygon)
         assert isinstance(found.points[0], Point)
         np.testing.assert_allclose(found.points, np.add(corners, (3 * k, 0)), atol=1.5)
-    with pytest.raises(ValueError, match=r"^the region is a polygon of 3 points: expected a rect"):
-        run_vot(
-            NewHandle(written(tmp_path), Polygon([Point(*corner) for corner in corners[:3]])),
-            "frozen",
-        )
-    with pytest.raises(
-        ValueError, match=r"^the region is a mask: expected a rectangle or a polygon"
-    ):
-        run_vot(NewHandle(written(tmp_path), np.ones((60, 80))), "frozen")
     boxes = NewHandle(written(tmp_path), Box(40, 30, 30, 20))
     run_vot(boxes, "mk_ssd")
     assert isinstance(boxes.reports[-1], Box)
+
+
+PENTAGON = [Point(*corner) for corner in ((40, 30), (60, 30), (70, 40), (70, 50), (40, 50))]
+
+
+@pytest.mark.parametrize(
+    ("region", "what"),
+    [
+        (Polygon(PENTAGON[:3]), "a polygon of 3 points"),
+        (Polygon(PENTAGON), "a polygon of 5 points"),
+        (np.ones((60, 80), np.uint8), "a mask"),
+    ],
+)
+def test_a_region_of_the_vot_toolkit_that_is_no_rectangle_or_quadrangle_is_refused(
+    tmp_path, region, what
+):
+    handle = NewHandle(written(tmp_path), region)
+    with pytest.raises(ValueError) as refused:
+        run_vot(handle, "frozen")
+    assert str(refused.value) == (
+        f"the region is {what}: expected a rectangle or a polygon of 4 points, as "
+        "vot.VOT('rectangle') gives"
+    )
+    assert handle.reports == []
 
 
 def test_traxs_own_client_follows_with_ours(tmp_path):

@@ -77,14 +77,17 @@ def test_it_is_the_simulation_that_was_filmed(table, tracker):
     assert np.ptp([step.posture.joints for step in inside], axis=0).max() > np.radians(2)
 
 
-def rendered(camera, picture, view, pan, tilt):
-    """The view of a head inside a recording of one picture."""
+def rendered(camera, picture, view, pan, tilt, later=()):
+    """The view of a head inside the last picture of a recording, by default of one picture."""
+    times = np.arange(1 + len(later)) / 10
+    shown = list(zip(times, [picture, *later], strict=True))
     model = mujoco.MjModel.from_xml_path(str(files("scenes") / "robots" / "turning_head.xml"))
     data = mujoco.MjData(model)
     data.qpos[:] = pan, tilt
+    data.time = times[-1]
     mujoco.mj_forward(model, data)
-    corners = np.full((1, 4, 2), 100.0)
-    recording = Recorded(camera, np.zeros(1), corners, lambda: iter([(0.0, picture)]))
+    corners = np.full((len(times), 4, 2), 100.0)
+    recording = Recorded(camera, times, corners, lambda: iter(shown))
     renderer = RecordingRenderer(recording, model, "eye", view)
     image = renderer.begin(data)()
     renderer.close()
@@ -122,6 +125,16 @@ def test_its_pictures_are_opencvs(lens, pan, tilt):
     image = rendered(camera, picture, VIEW, pan, tilt)
     assert np.abs(image.astype(int) - expected).max() <= 2
     assert (np.abs(image.astype(int) - expected) > 1).mean() < 0.01
+
+
+def test_an_unreadable_picture_is_replaced_by_the_one_before_it_a_first_one_by_black():
+    camera = Camera(540.0, 560.0, 330.0, 225.0, 640, 480)
+    seen = rendered(camera, smooth(480, 640), VIEW, 0.1, 0.0)
+    again = rendered(camera, smooth(480, 640), VIEW, 0.1, 0.0, later=[None, None])
+    np.testing.assert_array_equal(again, seen)
+    assert np.ptp(seen) > 100
+    black = rendered(camera, None, VIEW, 0.1, 0.0)
+    np.testing.assert_array_equal(black, np.zeros((240, 320, 3)))
 
 
 @pytest.mark.parametrize("lens", LENSES)
@@ -230,6 +243,11 @@ def test_the_first_target_is_in_the_middle_as_far_as_the_recording_reaches(small
 SENTENCES = {
     "no truth": (["recording.pictures={alone}"], "{alone}: there is no truth file in it or beside"),
     "no such folder": (["recording.pictures=gone"], "recording.pictures = 'gone': no file of this"),
+    "an unreadable first picture": (
+        ["recording.pictures={cut}"],
+        "{cut}: the first picture cannot be read (this picture cannot be decoded; known formats "
+        "are JPEG, PNG, BMP, TIFF, WebP, PPM): leave out the pictures and lines before the first",
+    ),
     "a short truth": (["recording.truth={short}"], "{short}: this truth has 3 lines for 12 pict"),
     "absent at first": (["recording.truth={absent}"], "{absent}: the target is not in the first"),
     "a large view": (
@@ -264,7 +282,9 @@ SENTENCES = {
 
 @pytest.mark.parametrize("case", SENTENCES)
 def test_what_cannot_be_is_refused_in_a_sentence(small, tmp_path, case):
-    places = {name: tmp_path / name for name in ("alone", "short", "absent", "doubt", "broken")}
+    places = {
+        name: tmp_path / name for name in ("alone", "short", "absent", "doubt", "broken", "cut")
+    }
     places["alone"].mkdir()
     for picture in small.glob("*.png"):
         (places["alone"] / picture.name).symlink_to(picture)
@@ -272,6 +292,9 @@ def test_what_cannot_be_is_refused_in_a_sentence(small, tmp_path, case):
     places["short"].write_text("\n".join(lines[:3]))
     places["absent"].write_text("\n".join(["nan,nan,nan,nan", *lines[1:]]))
     places["doubt"].write_text("\n".join(["10,10,30,20"] * 12))
+    if "picture" in case:
+        shutil.copytree(small, places["cut"])
+        (places["cut"] / "00000.png").write_bytes(b"no picture")
     if "video" in case:
         for path in (tmp_path / "broken.mp4", tmp_path / "broken.avi"):
             as_video(path, wide(320, FOCAL / 2, 0.4, *MOVES))

@@ -17,7 +17,7 @@ ONE_JOINT = """
 <mujoco>
   <worldbody>
     <body name="slide"><joint name="x" type="slide" axis="1 0 0"/><geom size=".01" mass="1"/>
-      <camera name="robot/eye" pos="0 0 1"/><site name="robot/eye" pos="0 0 {height}"/>
+      <camera name="robot/eye" pos="0 0 1"/><site name="robot/eye" pos="0 0 {height}" quat="{turn}"/>
     </body>
   </worldbody>
   <actuator>{actuator}</actuator>
@@ -26,8 +26,9 @@ VELOCITY = '<velocity name="x" joint="x" kv="10"/>'
 INVERSION = Inversion(weakest=0.1, damping=1e-6)
 
 
-def robot(actuator=VELOCITY, height=1):
-    model = mujoco.MjModel.from_xml_string(ONE_JOINT.format(actuator=actuator, height=height))
+def robot(actuator=VELOCITY, height=1, turn="1 0 0 0"):
+    text = ONE_JOINT.format(actuator=actuator, height=height, turn=turn)
+    model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     return Robot(
@@ -75,9 +76,15 @@ def test_another_drive_is_refused(actuator):
     assert str(refused.value).startswith("the robot's model mine.xml")
 
 
-def test_a_site_away_from_the_camera_is_refused():
+@pytest.mark.parametrize("placed", [{"height": 0.9}, {"turn": "1 0 0.001 0"}])
+def test_a_site_away_from_the_camera_is_refused(placed):
     with pytest.raises(ValueError, match="the site 'eye' is not where the camera 'eye' is: give"):
-        robot(height=0.9)
+        robot(**placed)
+
+
+def test_a_quaternion_and_its_negative_are_the_same_site():
+    machine, _ = robot(turn="-1 0 0 0")
+    assert machine.model.site("robot/eye").quat.tolist() == [-1.0, 0.0, 0.0, 0.0]
 
 
 @pytest.fixture

@@ -361,6 +361,30 @@ def test_a_sender_that_leaves_sends_no_twist():
         time.sleep(0.01)
 
 
+def test_joint_states_of_a_publisher_that_leaves_are_used_until_another_one_comes(monkeypatch):
+    monkeypatch.setattr("servo.ros2.node.PATIENCE", 0.05)
+    scenario = servo.load("pan_tilt_line", ["tracker.kind=truth"])
+    robot = Robot(scenario, "/e/joints", "/e/twist")
+    first, second = (Node().writer("/e/joints", messages.JointState) for _ in range(2))
+    for writer in (first, second):
+        given(lambda of=writer: of.get_matched_subscriptions() or None, lambda _: None, None)
+
+    def state(time, *joints):
+        return messages.JointState(messages.header(time, ""), ["pan", "tilt"], [*joints], [], [])
+
+    first.dispose(state(1.0, 0.0, 0.0))  # readers get a sample without data, and nothing else
+    time.sleep(0.2)
+    with pytest.raises(Mistake, match=r"^/e/joints: no message has come within 0.05 s: start the "):
+        robot.posture(1.0)
+    first.write(state(1.0, 0.1, 0.2))
+    first.dispose(state(1.0, 0.1, 0.2))
+    time.sleep(0.2)
+    assert robot.posture(1.0).joints.tolist() == [0.1, 0.2]
+    second.write(state(1.5, 0.3, 0.4))
+    time.sleep(0.2)
+    assert robot.posture(1.5).joints.tolist() == [0.3, 0.4]
+
+
 CONTROLLER = """
 import sys
 import time

@@ -48,6 +48,11 @@ def test_csv_is_read_by_its_header(tmp_path, text):
             "1,2,3\n",
             "groundtruth.txt, line 1: the line has 3 numbers: expected 4 of a box, or 8 of four corners; correct the line",
         ),
+        (
+            "40,30,60,30,70,40,70,50,40,50\n",
+            "groundtruth.txt, line 1: the line has 10 numbers: expected 4 of a box, or 8 of four "
+            "corners; correct the line",
+        ),
         ("1,2,3,4\n1,2,x,4\n", "groundtruth.txt, line 2: '1,2,x,4' is not a line of numbers"),
         ("a,b\n1,2\n", "groundtruth.txt: the columns are a, b; a truth needs x1..y4, or left, top"),
     ],

@@ -8,6 +8,7 @@ import pytest
 from servo.cli import report_command, tune_command
 from servo.mistake import Mistake
 from servo.report.tune_section import Tuned
+from servo.report.words import NOTHING
 from servo.scenario.draws import Draw, flat
 from servo.scenario.load import load
 from servo.tune import search as search_module
@@ -307,3 +308,16 @@ def test_the_result_of_a_search_is_a_sentence(settings, sentence):
     aim = Aim.read("servo_rms_px", [])
     found = Tuned(aim, {"controller.gain": 1.0}, [Candidate({}, runs), best], best, runs, better)
     assert found.sentence == sentence
+
+
+def test_a_gain_without_a_value_is_said_and_is_not_in_the_table():
+    lost, kept = {"success_rate": 0.0}, {"success_rate": 1.0, "settle_s": 0.5}
+    best = Candidate({"controller.gain": 2.0}, [kept, kept])
+    tried = [Candidate({}, [lost, lost]), best]
+    aim = Aim.read("settle_s", [])
+    found = Tuned(aim, {"controller.gain": 1.0}, tried, best, [lost, kept], [kept, lost])
+    assert found.sentence == (
+        "The best settings are controller.gain = 2. By how much they lower settle_s is not known: "
+        "none of 2 fresh seeds has a value with them and with the scenario as it is."
+    )
+    assert found.table().rows[-1] == ["settle_s, less", "s", "", NOTHING]

@@ -3,16 +3,19 @@ log, the verdict with its limits, and what is drawn.
 """
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
 import numpy as np
+import pyarrow as pa
 import pytest
 from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
+from servo.cli import preflight_command
 from servo.cli.main import app
-from servo.cli.preflight_command import after
+from servo.cli.preflight_command import Given, after
 from servo.loop.episode import Episode
 from servo.output.formats import Made
 from servo.report.words import Badge, Tone
@@ -726,6 +729,43 @@ def test_the_exit_code_says_whether_the_robot_may_move(tmp_path, monkeypatch, st
     monkeypatch.setattr("servo.cli.preflight_command.comparison", lambda *_: (found, CAMERA, 0.0))
     words = ["preflight", tmp_path / "log.csv", "film", "--out", tmp_path / "out"]
     assert CliRunner().invoke(app, [*map(str, words)]).exit_code == code
+
+
+@pytest.mark.parametrize(
+    ("mistakes", "row"),
+    [
+        (
+            ["the sign is wrong"],
+            (
+                "they do not fit the logged motion, but this is wrong itself (see the row mistake)",
+                "correct the log's motion, and compare again: only then the commands can be judged",
+                State.UNKNOWN,
+            ),
+        ),
+        (
+            [],
+            (
+                "vx moves -1 times as far as commanded",
+                "correct the sign of the commands of vx where the driver makes them: the film "
+                "agrees with the logged motion (to change the log alone does not change the robot)",
+                State.WRONG,
+            ),
+        ),
+    ],
+)
+def test_commands_are_not_judged_by_a_motion_that_is_wrong_itself(monkeypatch, mistakes, row):
+    given = Given(Path("log.csv"), "film")
+    rate = 0.1 * np.sin(1.7 * np.arange(600) / 50)
+    names = "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s"
+    columns = {f"measured_{name}": 0 * rate for name in names} | {"measured_vx_m_s": rate}
+    table = pa.table({"time_s": np.arange(600) / 50, "command_vx_m_s": -rate} | columns)
+    found = compared(verdict=Verdict([], [], None, None, False, False, mistakes))
+    monkeypatch.setattr(preflight_command, "followed", lambda *_: (TRACKS, CAMERA, True))
+    monkeypatch.setattr(preflight_command, "compare", lambda *_: found)
+    judged, *_ = preflight_command.comparison(given, table)
+    [finding] = judged.verdict.findings
+    assert (finding.what, finding.found, finding.change, finding.state) == ("commands", *row)
+    assert judged.verdict.mistakes == (mistakes or [row[0]])
 
 
 def stood(tmp_path, monkeypatch, *words, mounted="world"):

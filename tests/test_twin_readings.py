@@ -14,6 +14,7 @@ from rich.console import Console
 from scipy.spatial.transform import Rotation
 
 from servo import Mistake
+from servo.cli import main
 from servo.cli.main import app
 from servo.cli.preflight_command import Given, camera_for, followed, made, stated_mount
 from servo.cli.twin_command import left_out, toml
@@ -417,6 +418,33 @@ def test_a_film_that_is_short_or_plain_is_refused(tmp_path, count, level, senten
     words = [str(written(tmp_path, poses())), str(folder), "--rate", "10"]
     done = CliRunner().invoke(app, ["preflight", *words, "--out", str(tmp_path / "out")])
     assert sentence in f"{done.output} {done.exception}"
+
+
+def test_a_mount_in_millimetres_is_refused_before_points_are_followed(tmp_path, monkeypatch):
+    def follow(*_):
+        raise AssertionError("points are followed")
+
+    monkeypatch.setattr("servo.cli.preflight_command.follow", follow)
+    words = [str(written(tmp_path, poses())), str(pictures(tmp_path / "film", 3))]
+    done = CliRunner().invoke(app, ["preflight", *words, "--mount", "5,40,0,0,0,0"])
+    assert str(done.exception) == (
+        "--mount: 40 m is too far from the hand, at most 5: give x, y, z in m"
+    )
+    at_limit = CliRunner().invoke(app, ["preflight", *words, "--mount", "5,-5,0,0,0,0"])
+    assert str(at_limit.exception) == "points are followed"
+
+
+def test_a_scenario_that_does_not_exist_is_one_sentence_though_the_log_needs_none(
+    tmp_path, monkeypatch, capfd
+):
+    log = written(tmp_path, poses())
+    words = ["servobench", "preflight", str(log), "film", "--scenario", "linee"]
+    monkeypatch.setattr("sys.argv", words)
+    with pytest.raises(SystemExit) as ended:
+        main.main()
+    assert ended.value.code == 2
+    sentence = "there is no scenario 'linee'; did you mean 'line'? (or give a .toml file)"
+    assert capfd.readouterr() == ("", f"servobench: {sentence}\n")
 
 
 def test_a_twins_scenario_has_its_changes_and_their_comments():

@@ -82,8 +82,8 @@ class WorldRun:
         No file is written into `folder`.
 
         Raises:
-            PartFailed: A component, such as the tracker, raised an exception.
-            Exception: The tracker raised it in the run in which `driver` steers the camera.
+            PartFailed: A component, such as the tracker, raised an exception, or the tracker raised
+                one in the run in which `driver` steers the camera.
         """
         scenario = parse(self.table, str(job.settings[WORLD]), self.benchmark)
         sheet = Sheet(scenario.frames)

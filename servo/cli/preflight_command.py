@@ -114,7 +114,7 @@ class Given:
         may then be None.
 
         Raises:
-            Mistake: There is no log, or no film.
+            Mistake: There is no log, or no film, or a coordinate of the stated mount is above 5 m.
         """
         if log is not None and video is None and is_bag(log):
             video = str(log)
@@ -123,7 +123,15 @@ class Given:
                 "give a LOG and a VIDEO, or a bag with both; `servobench preflight --wiggle "
                 "FILE.csv` writes the motion to record"
             )
-        return Given(log, video, **options)  # type: ignore[arg-type]
+        given = Given(log, video, **options)  # type: ignore[arg-type]
+        farthest = max((given.mount or [0.0])[:3], key=abs)
+        if abs(farthest) > FARTHEST_MOUNT:
+            origin = "base" if given.eye_to_hand else "hand"
+            raise Mistake(
+                f"--mount: {farthest:g} m is too far from the {origin}, at most "
+                f"{FARTHEST_MOUNT:g}: give x, y, z in m"
+            )
+        return given
 
     def table(self) -> pa.Table:
         """Return the rows of the log.
@@ -339,12 +347,6 @@ def stated_mount(given: Given, table: pa.Table) -> Mount | None:
         table: The rows of the log.
     """
     if given.mount is not None:
-        farthest = max(given.mount[:3], key=abs)
-        if abs(farthest) > FARTHEST_MOUNT:
-            raise Mistake(
-                f"--mount: {farthest:g} m is too far from the hand, at most {FARTHEST_MOUNT:g}: "
-                "give x, y, z in m"
-            )
         return believed_mount(tuple(given.mount))
     if given.eye_to_hand:
         camera = None if given.scenario is None else load(given.scenario).camera

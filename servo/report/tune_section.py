@@ -112,8 +112,9 @@ class Tuned:
         gain = self.gain
         if gain is None:
             return (
-                f"The best settings are {chosen}. On {len(self.after)} fresh seeds "
-                f"{self.aim.minimise} has no value in common with the scenario {AS_IT_IS}."
+                f"The best settings are {chosen}. By how much they lower {self.aim.minimise} is "
+                f"not known: none of {len(self.after)} fresh seeds has a value with them and with "
+                f"the scenario {AS_IT_IS}."
             )
         certain = gain.low > 0
         return (

@@ -17,7 +17,7 @@ from sim.recording.recorded import Recorded, Shown
 from sim.types import Array, Camera
 from tracking.sequences import sequence
 from tracking.sequences import truth as truths
-from tracking.sequences.sources import Folder, Source
+from tracking.sequences.sources import Folder, Picture, Source
 from tracking.sequences.stream import ADDRESS, shown
 from tracking.sequences.truth import Format
 from tracking.sequences.video_file import Video
@@ -32,8 +32,8 @@ def read(config: RecordingConfig) -> Recorded:
     picture in a folder is not noticed.
 
     Raises:
-        Mistake: Pictures, truth or calibration cannot be read or do not fit each other, or the
-            target is not in the first picture.
+        Mistake: The first picture, truth or calibration cannot be read, the three do not fit each
+            other, or the target is not in the first picture.
     """
     with as_mistake():
         path = _path(config.pictures)
@@ -125,10 +125,13 @@ def _recorded(
             f"{path}: this recording breaks off after {len(times)} of {len(corners)} pictures: "
             "leave out the rest of the truth, or repair the file"
         )
-    image = next((each.image for each in source if each.image is not None), None)
-    if image is None:
-        raise ValueError(f"{path}: no picture of this recording can be decoded: give another one")
-    height, width = image.shape[:2]
+    first = next(iter(source), Picture("", 0.0, None))
+    if first.image is None:  # a tracker would learn a black picture in its place
+        raise ValueError(
+            f"{path}: the first picture cannot be read ({first.reason}): leave out the pictures "
+            "and lines before the first one that can be read"
+        )
+    height, width = first.image.shape[:2]
     return Recorded(
         _intrinsics(config, lens, width, height), times[: len(corners)], corners, _Pictures(source)
     )
