@@ -163,6 +163,8 @@ def inverse_if_strong(A: Array, weakest: float) -> Array | None:
 
     It is certain if 1 / |A^-1|, with the Frobenius norm, is at least `weakest`, because every
     singular value is at least 1 / |A^-1|. This is faster than a singular value decomposition.
+    `weakest` has the unit of the matrix; for a share of the largest singular value, give the share
+    times |A|, which is at least that value.
     """
     try:
         plain = inverse(A)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from servo.controllers._bounds import inverse_of
 from servo.controllers._inverse import Inverse
 from servo.controllers._limits import Limits
 from servo.controllers._target_loss import TargetLoss
@@ -72,6 +73,14 @@ def test_a_singular_value_at_the_tolerance_is_none():
         L = np.diag([1.0, small, 0, 0, 0, 0])[:2]
         found = Inverse.of(L, np.full(2, True), np.full(6, True), np.ones(6)).pseudo
         np.testing.assert_allclose(found, np.diag([1, inverse, 0, 0, 0, 0])[:, :2])
+
+
+def test_a_weak_direction_of_a_robot_is_one_below_a_share_of_its_strongest():
+    for scale in (1.0, 3.0, 100.0):
+        kept = inverse_of(scale * np.diag([1, 1, 1, 1, 1, 0.0101]))
+        left = inverse_of(scale * np.diag([1, 1, 1, 1, 1, 0.0099]))
+        np.testing.assert_allclose(scale * kept, np.diag([1, 1, 1, 1, 1, 1 / 0.0101]))
+        np.testing.assert_allclose(scale * left, np.diag([1, 1, 1, 1, 1, 0]), atol=1e-12)
 
 
 def test_a_twist_at_the_limits_is_not_shortened():

@@ -52,6 +52,14 @@ def test_a_curve_over_decades_has_a_logarithmic_axis(chart, deep):
     chart(f"decades-{deep:g}", charts.curves("t", x, axis, [Curve("one", X, y, dashed=True)]))
 
 
+def test_a_long_interval_cuts_no_mean_off():
+    drawn = [Curve("mean", X, np.full(5, 2.0), np.full(5, 1.0), np.full(5, 1e6))]
+    (axes,) = charts.curves("t", Scale("x"), Scale("y", log_from=50.0), drawn).drawing.axes
+    assert axes.get_yscale() == "log"
+    # The axis covers three decades below the largest mean, not below the end of the interval.
+    assert axes.get_ylim() == pytest.approx((1.0 / 1.15, 1e6 * 1.15))
+
+
 def test_a_curve_below_the_factor_keeps_its_axis(chart):
     axis = Scale("y", low=0, high=50, log_from=100.0)
     chart("linear", charts.curves("t", Scale("x"), axis, [Curve("one", X, 10 + 10 * X)]))

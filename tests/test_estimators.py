@@ -187,6 +187,18 @@ def test_filters_on_the_error_smooth_follow_and_predict_over_the_delay(kind):
 
 
 @pytest.mark.parametrize("kind", [error_kalman, imm])
+def test_a_feature_that_was_never_measured_has_no_error_ahead(kind):
+    estimator = begun(kind.Config().build(RNG))
+    moving = OwnMotion(np.full(4, 0.5), np.full((2, 4), 0.5))
+    seen = estimator.update(np.array([0.1, 0.1, np.nan, np.nan]), moving, 1 / 30)
+    blind = estimator.skip(moving, 1 / 30)
+    # Two frame intervals until the command acts, and a third one without a picture.
+    np.testing.assert_allclose(seen.error, [0.1 + 1 / 30, 0.1 + 1 / 30, 0, 0], atol=1e-4)
+    np.testing.assert_allclose(blind.error, [0.15, 0.15, 0, 0], atol=1e-4)
+    assert seen.motion[2:].tolist() == blind.motion[2:].tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("kind", [error_kalman, imm])
 def test_filters_on_the_error_know_what_the_camera_did(kind):
     estimator, dt = begun(kind.Config().build(RNG)), 1 / 30
     rng, error = np.random.default_rng(0), np.zeros(4)

@@ -92,6 +92,13 @@ def test_spin_turns_on_the_spot_and_drives_along_its_nose():
     np.testing.assert_allclose(places, [[0, 0], [0, 0], [0, 0.2], [0, 0.2], [-0.2, 0.2]], atol=1e-9)
 
 
+def test_spin_drove_along_its_first_direction_before_the_start():
+    motion = spin.Config(x=0.3, y=0.0, heading_deg=0.0, turn_deg=90.0, speed=0.1).build(RNG)
+    places = [motion.at(t).translation[:2] for t in (-4.0, -2.0, -1.0, -1e-9, 0.0)]
+    wanted = [[0.1, 0], [0.1, 0], [0.2, 0], [0.3, 0], [0.3, 0]]
+    np.testing.assert_allclose(places, wanted, atol=1e-9)
+
+
 @pytest.mark.parametrize("seed", range(10))
 def test_six_uses_all_of_its_room_and_no_more(seed):
     motion = six.Config().build(np.random.default_rng(seed))

@@ -123,6 +123,28 @@ def test_bounds_of_a_run_that_is_too_short_are_missed_in_one_line(tmp_path, capf
     assert again.startswith("  again: servobench run circle ")
 
 
+def test_a_run_without_a_picture_that_counts_says_so():
+    changes = ["expect={}", "run.duration=1"]
+    early = load("still", [*changes, "measure.after=0.96"])
+    late = load("still", [*changes, "measure.after=0.98"])
+    assert run_command.measures_lines(early) == []
+    assert run_command.measures_lines(late) == [
+        "The last picture is taken at 0.966667 s, and measure.after = 0.98 s: measures that count "
+        "from that time on have no value"
+    ]
+
+
+@pytest.mark.parametrize("late", ["latency=15", "latency_ms=500"])
+def test_a_run_that_ends_before_its_first_command_acts_says_so(late):
+    changes = ["expect={}", "measure.after=0", f"run.{late}"]
+    longer = load("still", [*changes, "run.duration=0.52"])
+    ended = load("still", [*changes, "run.duration=0.5"])
+    assert run_command.measures_lines(longer) == []
+    assert run_command.measures_lines(ended) == [
+        "The run ends after 0.5 s, before its first command acts: no command moves the camera"
+    ]
+
+
 @pytest.mark.newest
 def test_a_claim_is_printed_so(console, approved):
     rule = Rule("error [px]", "as printed", "2 worlds", "1 px", "95 % interval", "below [1] px")

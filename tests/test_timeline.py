@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -169,6 +170,24 @@ def test_times_are_of_the_frames_in_which_the_tracker_worked():
     assert record.measures["track_ms"] > 80
     assert record.measures["step_ms"] > 80
     assert record.measures["age_ms"] > 80
+
+
+@pytest.mark.parametrize("latency", [0, 1])
+def test_the_physics_of_a_frame_is_counted_once(monkeypatch, latency):
+    """On a clock that only physics moves on, by 1 s for each frame interval."""
+    scenario = load("still", ["tracker.kind=truth", f"run.latency={latency}", "run.duration=0.1"])
+    clock = SimpleNamespace(now=0.0)
+    with Episode(scenario, seen=False) as episode:
+        advance = episode.world.step
+
+        def step(twists):
+            clock.now += 1.0
+            return advance(twists)
+
+        monkeypatch.setattr(episode.world, "step", step)
+        monkeypatch.setattr("servo.loop.episode.perf_counter", lambda: clock.now)
+        found = [(s.seconds.render, s.seconds.physics) for s in episode]
+    assert found == [(0.0, 1.0)] * 3
 
 
 def test_the_age_is_a_mean_over_estimates():

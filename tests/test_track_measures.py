@@ -134,6 +134,16 @@ def test_angle_and_scale_errors():
     assert found["scale_rmse"] == pytest.approx(0.2)
 
 
+def test_angle_and_scale_in_frames_without_the_target_do_not_count():
+    exact = track(straight())
+    exact.corners[4:6] = np.nan
+    states = straight(theta=0.1, scale=0.2)
+    states[4:6, 2:] += 1.0
+    found = measure_all(Comparison.of(track(states), exact.corners, exact.states))
+    assert found["angle_rmse_deg"] == pytest.approx(np.degrees(0.1))
+    assert found["scale_rmse"] == pytest.approx(0.2)
+
+
 def test_a_loss_is_five_frames_away_in_a_row():
     states = straight(20)
     states[3:7, 0] += 50  # four frames: no loss

@@ -70,6 +70,19 @@ def test_the_offset_is_where_the_motion_explains_the_flow(motion, tracks):
     assert explained(motion, steps, flows, grid)[0] == pytest.approx(OFFSET, abs=5e-3)
 
 
+def test_places_without_a_point_change_no_flow(tracks):
+    gone = np.zeros((len(tracks.first), 100, 2))
+    gaps = replace(
+        tracks,
+        before=np.concatenate([tracks.before, gone], axis=1),
+        after=np.concatenate([tracks.after, gone], axis=1),
+        known=np.concatenate([tracks.known, np.zeros(gone.shape[:2], bool)], axis=1),
+    )
+    np.testing.assert_allclose(affine_flows(gaps), affine_flows(tracks), atol=1e-9)
+    empty = replace(tracks, known=np.zeros_like(tracks.known))
+    assert not affine_flows(empty).any()
+
+
 def test_a_first_mount_is_near(motion, tracks):
     first = start(motion, tracks.steps, affine_flows(tracks.steps), OFFSET)
     assert first.offset == OFFSET

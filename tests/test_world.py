@@ -14,7 +14,7 @@ from sim.mounting import CAMERA
 from sim.robots import gantry
 from sim.targets import car
 from sim.types import Frame
-from sim.world import World, WorldConfig, WorldParts
+from sim.world import Unstable, World, WorldConfig, WorldParts
 
 STILL = still.Config(heading_deg=10.0).build(np.random.default_rng())
 
@@ -67,6 +67,22 @@ def test_start_puts_the_target_where_it_was_asked_for(world, x, y, theta, depth)
     np.testing.assert_allclose(truth.centre, [x, y], atol=1e-6)
     assert truth.theta == pytest.approx(theta, abs=1e-9)
     assert truth.size == pytest.approx(world.camera.fx / depth, rel=1e-9)
+
+
+def test_unstable_physics_names_the_fastest_twist_and_what_helps():
+    made = make()
+    made.data.qvel[0] = np.nan  # as if it had diverged
+    twists = np.zeros((len(made.ticks), 6))
+    twists[0] = 0.3, 0.0, 0.4, 0.0, 0.0, 0.0
+    twists[1] = 0.1, 0.0, 0.0, 0.0, 2.0, 0.0
+    with pytest.raises(Unstable) as found:
+        made.step(twists)
+    made.close()
+    assert str(found.value) == (
+        "the simulation became unstable, at commanded camera twists of up to 0.5 m/s and 2 rad/s: "
+        "limit the law's twists if these are too fast, else raise world.physics_rate, which is too "
+        "low for drives or masses"
+    )
 
 
 def test_start_says_when_the_gantry_cannot_be_there(world):

@@ -4,6 +4,7 @@ joints' rates, and of the velocities of the target's corners in the picture.
 
 from dataclasses import dataclass, replace
 from functools import cache
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,10 +136,14 @@ def _names_of_joints(count: int) -> tuple[tuple[str, str], ...]:
 def inverse_of(J: Array) -> Array:
     """Return the pseudo-inverse J# (n, 6) of a Jacobian (6, n). Singular values below 1 % of the
     largest count as zero, so that their directions map to zero; a square Jacobian whose singular
-    values are all clearly above 0.01 is inverted as it is.
+    values are all clearly above that is inverted as it is.
     """
-    plain = inverse_if_strong(J, SINGULAR) if J.shape[0] == J.shape[1] else None
-    return np.linalg.pinv(J, SINGULAR).astype(np.float64) if plain is None else plain
+    if J.shape[0] == J.shape[1]:
+        # Its norm is at least the largest singular value.
+        plain = inverse_if_strong(J, SINGULAR * sqrt(np.vdot(J, J)))
+        if plain is not None:
+            return plain
+    return np.linalg.pinv(J, SINGULAR).astype(np.float64)
 
 
 def view_bounds(

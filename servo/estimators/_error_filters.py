@@ -184,8 +184,8 @@ class ErrorFilters:
             self._filters.forget(self._corrected)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the predicted error and de/dt for a frame in which the target was not seen;
-        without `predicts`, the error is 0.
+        """Return the predicted error and de/dt for a frame in which the target was not seen. The
+        error is 0 without `predicts`, and for features that were never measured.
         """
         if self._filters is None:
             none = np.zeros(len(self._begun))
@@ -198,7 +198,9 @@ class ErrorFilters:
     def _result(self, f: KalmanFilters, error: Array, own: OwnMotion) -> tuple[Array, Array, Array]:
         level = self._spread.value
         if self._predicts:
-            shown, motion, variance = look_ahead(f.x, f.covariance, own, f.model, self._model)
+            shown, motion, variance = look_ahead(
+                f.x, f.covariance, self._begun, own, f.model, self._model
+            )
         else:
             seen = np.isfinite(error)
             shown = np.where(seen, error, 0.0)
@@ -223,7 +225,12 @@ def stated(variance: Array, level: Array, features: FeatureSet) -> Array:
 
 
 def look_ahead(
-    x: Array, covariance: Array, own: OwnMotion, model: Model, model_at: Callable[[float], Model]
+    x: Array,
+    covariance: Array,
+    begun: Flags,
+    own: OwnMotion,
+    model: Model,
+    model_at: Callable[[float], Model],
 ) -> tuple[Array, Array, Array]:
     """Return the error (k,) when the command that is now computed begins to act, the target's mean
     de/dt (k,) over one frame interval from then on, and the variances (2, k) of both, divided by
@@ -233,6 +240,7 @@ def look_ahead(
         x: States (k, n), each (error, motion of the target, noise of the tracker), at the time of
             the picture.
         covariance: Covariances (k, n, n) of these states, divided by the same variances.
+        begun: True (k,) for features that have been measured; error and de/dt of the others are 0.
         own: The camera's own motion until the command acts.
         model: The filter's model at the frame interval.
         model_at: Function that returns the model at another interval [s].
@@ -246,4 +254,5 @@ def look_ahead(
     rows = np.array([np.eye(len(model.H))[0], model.F[0] / model.B[0]])
     rows[1, 0] = 0.0
     variance = np.einsum("ri,kij,rj->rk", rows, covariance, rows)
-    return x[:, 0].copy(), x[:, 1:] @ model.F[0, 1:] / model.B[0], variance
+    error = np.where(begun, x[:, 0], 0.0)
+    return error, x[:, 1:] @ model.F[0, 1:] / model.B[0], variance

@@ -126,7 +126,7 @@ class Imm:
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """Return the feature error and its rate de/dt (k,) from the target's own motion [1/s],
         predicted for the time when the next command acts, after a frame in which the target was not
-        seen; zeros before the first `update`.
+        seen; zeros for features that were never measured.
 
         Args:
             own: The rate of the error (over the features' scales) that the camera's own motion
@@ -149,7 +149,7 @@ class Imm:
             covariance += m[:, None, None] * (f.covariance + apart)
         model = self._filters[0].model
         error, motion, variance = look_ahead(
-            np.asarray(x), covariance, own, model, self._model_at[0]
+            np.asarray(x), covariance, self._begun, own, model, self._model_at[0]
         )
         return error, motion, stated(variance, level, self._features)
 

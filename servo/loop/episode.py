@@ -399,6 +399,8 @@ class Episode:
         goal = now.goal or self.goal.truth(frame.time, now.truth.T_world_camera)
         self._moment = self._next_moment(frame.index)
         rendering = perf_counter() - began
+        if frame.index == 0:  # physics that was stepped just now is counted by `advance`
+            rendering -= sum(passed.seconds for passed in self._advances)
         self._truths[frame.index] = now.truth
         timeline.advance(frame, now.believed)
         latest = timeline.latest

@@ -67,6 +67,7 @@ def affine_flows(steps: Tracks) -> Array:
     flow = (steps.after - steps.before) / intervals
     basis = np.concatenate([np.ones((*middle.shape[:2], 1)), middle], axis=2)
     weights = steps.known.astype(float)
+    counted = steps.known | ~steps.known.any(axis=1, keepdims=True)  # no median of nothing
     ridge = 1e-9 * np.eye(3)
     fit = np.zeros((len(flow), 3, 2))
     for _ in range(ROUNDS):
@@ -74,7 +75,8 @@ def affine_flows(steps: Tracks) -> Array:
         normal = weighted.transpose(0, 2, 1) @ basis + ridge
         fit = np.linalg.solve(normal, weighted.transpose(0, 2, 1) @ flow)
         away = np.linalg.norm(flow - basis @ fit, axis=2) * intervals[..., 0] * steps.focal
-        scale = np.maximum(SCALE, np.median(away, axis=1, keepdims=True))
+        typical = np.nanmedian(np.where(counted, away, np.nan), axis=1, keepdims=True)
+        scale = np.maximum(SCALE, typical)
         weights = steps.known / (1 + (away / scale) ** 2)
     return np.asarray(fit.transpose(0, 2, 1).reshape(len(fit), 6), np.float64)
 
