@@ -9,6 +9,7 @@ from kept import found
 from servo.cli import compare_command, main, report_command
 from servo.cli.compare_command import MEASURED, study_of, variants_of
 from servo.mistake import Mistake
+from servo.scenario.part_names import named_part
 from servo.study.store import StudyFile
 
 PARTS = ("tracker", "controller", "estimator")
@@ -141,3 +142,9 @@ def test_scenarios_of_different_lengths_share_no_curve_over_time(monkeypatch, tm
     for title in ("Distance from the goal", "Still on target"):
         drawn = re.findall(f'aria-label="({title}[^"]*)"', page)
         assert drawn == [f"{title}: scenario = still", f"{title}: scenario = line"]
+
+
+def test_a_command_with_an_equals_sign_needs_no_name():
+    command = "program:mine --rate=3"
+    assert named_part("tracker", command) == (command, command)
+    assert named_part("tracker", f"fast={command}") == ("fast", command)

@@ -376,7 +376,7 @@ PIXELS = ("features.kind=photometric", "estimator.kind=none")
         (
             ('camera.distortion="plumb_bob"', "camera.coefficients=[0.0, 0.0, 0.0, 0.0, 0.0]"),
             "believed.ignore_distortion=true",
-            "camera.lens is not set, so there is no distortion",
+            "camera.distortion and camera.coefficients give no distortion",
         ),
     ],
 )
@@ -453,5 +453,5 @@ def test_a_run_says_it_before_it_begins(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", words)
     with pytest.raises(SystemExit):
         main.main()
-    found = "believed.ignore_distortion has no effect: camera.lens is not set, so there is no distortion"
+    found = "believed.ignore_distortion has no effect: camera.distortion and camera.coefficients give no distortion"
     assert found in " ".join(capsys.readouterr().out.split())

@@ -118,6 +118,17 @@ def test_a_start_that_no_posture_takes_is_told():
         assert not remarks(episode)
 
 
+def test_a_tilt_that_the_depth_picture_shows_is_not_said_to_be_unmeasured():
+    changes = ["target.kind=plate", "start.tilt_deg=20", "features.kind=hybrid", "robot.kind=free"]
+    for plane, said in (("parallel", 1), ("picture", 0)):
+        scenario = load("still", [*changes, "camera.depth=true", f"sight.plane={plane}"])
+        with Episode(scenario) as episode:
+            assert (
+                sum("tilt of the start is not measured" in each for each in remarks(episode))
+                == said
+            )
+
+
 @pytest.mark.wide
 def test_a_tilt_that_no_tracker_reports_is_told_and_is_not_converged():
     changes = ["tracker.kind=truth", "start.tilt_deg=40", "run.duration=6"]

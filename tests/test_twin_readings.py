@@ -434,6 +434,24 @@ def test_a_mount_in_millimetres_is_refused_before_points_are_followed(tmp_path, 
     assert str(at_limit.exception) == "points are followed"
 
 
+def test_a_mount_of_the_cameras_own_poses_and_a_distance_beside_a_focal_length_are_refused(
+    tmp_path,
+):
+    table = poses()
+    own = {name.replace("hand_", "camera_"): values for name, values in table.items()}
+    words = [str(written(tmp_path, own)), str(pictures(tmp_path / "film", 3))]
+    done = CliRunner().invoke(app, ["preflight", *words, "--mount", "0,0,0,0,0,0"])
+    assert str(done.exception) == (
+        f"--mount: {words[0]} has the camera's own poses (columns camera_..., or joints with "
+        "--scenario), in which the mount should be zero: leave --mount out"
+    )
+    done = CliRunner().invoke(app, ["preflight", *words, "--fov", "60", "--along", "0.1"])
+    assert str(done.exception) == (
+        "--along has no effect where --fov or --calibration gives the focal length, as the film "
+        "then shows this distance: leave --along out"
+    )
+
+
 def test_a_scenario_that_does_not_exist_is_one_sentence_though_the_log_needs_none(
     tmp_path, monkeypatch, capfd
 ):

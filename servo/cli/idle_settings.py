@@ -320,7 +320,7 @@ NEEDS = (
     Need(
         ("believed.ignore_distortion",),
         _of_scenario(lambda s: s.camera.lens is not None),
-        "camera.lens is not set, so there is no distortion",
+        "camera.distortion and camera.coefficients give no distortion",
     ),
     Need(
         ("believed.goal",),

@@ -237,7 +237,8 @@ TWIN = (
         "--mount",
         type=Numbers(6),
         metavar="X,Y,Z,ROLL,PITCH,YAW",
-        help="Where the camera should be in the hand, to be checked [m, deg].",
+        help="Where the camera should be in the hand (with --eye-to-hand: in the base), to be "
+        "checked [m, deg].",
     ),
     click.option(
         "--tag-mm",

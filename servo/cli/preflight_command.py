@@ -114,7 +114,8 @@ class Given:
         may then be None.
 
         Raises:
-            Mistake: There is no log, or no film, or a coordinate of the stated mount is above 5 m.
+            Mistake: There is no log, or no film; a coordinate of the stated mount is above 5 m; or
+                the camera's distance along its axis is given beside its focal length.
         """
         if log is not None and video is None and is_bag(log):
             video = str(log)
@@ -124,6 +125,11 @@ class Given:
                 "FILE.csv` writes the motion to record"
             )
         given = Given(log, video, **options)  # type: ignore[arg-type]
+        if given.along is not None and (given.fov is not None or given.calibration is not None):
+            raise Mistake(
+                "--along has no effect where --fov or --calibration gives the focal length, as the "
+                "film then shows this distance: leave --along out"
+            )
         farthest = max((given.mount or [0.0])[:3], key=abs)
         if abs(farthest) > FARTHEST_MOUNT:
             origin = "base" if given.eye_to_hand else "hand"
@@ -255,6 +261,12 @@ def comparison(given: Given, table: pa.Table) -> tuple[Comparison, Camera, float
     console = Console()
     with waiting(Console(stderr=True), "reading the log"):
         smooth = hand_log(table, given.log, given.scenario).smooth
+    is_in_hand = given.mount is not None and not given.eye_to_hand
+    if is_in_hand and is_camera(table, given.log, given.scenario):
+        raise Mistake(
+            f"--mount: {given.log} has the camera's own poses (columns camera_..., or joints with "
+            "--scenario), in which the mount should be zero: leave --mount out"
+        )
     if given.eye_to_hand:
         smooth = replace(smooth, is_inverse=True)
         if smooth.kind is Kind.TWISTS:

@@ -234,12 +234,14 @@ def remarks(episode: Episode) -> list[str]:
 
 
 def _tilt_line(episode: Episode) -> str:
-    """Return a warning if the camera starts with a tilt that the features could servo, but that the
-    tracker does not measure; else an empty text.
+    """Return a warning if the camera starts with a tilt that the features could servo, but that
+    neither the tracker nor the depth picture measures; else an empty text.
     """
     scenario = episode.scenario
     tracker = kind_of(scenario.tracker)
     if traits_of(scenario.tracker) is None or reports_corners(scenario):
+        return ""
+    if scenario.sight.plane == "picture":
         return ""
     is_tilted = scenario.start.tilt_deg > degrees(START_TURNED)
     if not is_tilted or episode.loop.law.uses_pictures:

@@ -26,7 +26,8 @@ FORMS = {PROGRAM: "'program:COMMAND'", TRAX: "'trax:COMMAND'", ONNX: "onnx:FILE"
 
 def named_part(section: str, text: str) -> tuple[str, str]:
     """Split a text NAME=PART, such as "mine=package:Class", and return the name and the part, which
-    is a tracker or a control law; a text without "=" is both.
+    is a tracker or a control law; a text without "=" is both, and so is one with a colon before its
+    first "=", such as "program:mine --rate=3".
 
     Args:
         section: The section of a scenario that the part is for, such as "tracker"; it is used only
@@ -36,7 +37,9 @@ def named_part(section: str, text: str) -> tuple[str, str]:
     Raises:
         Mistake: The name or the part is missing.
     """
-    name, _, what = text.partition("=") if "=" in text else (text, "", text)
+    name, separator, what = text.partition("=")
+    if not separator or ":" in name:
+        name = what = text
     if not name.strip() or not what.strip():
         parts = ["KIND", "module:Class", *(FORMS[begin] for begin in DOORS.get(section, ()))]
         *first, last = (f"NAME={part}" for part in parts)
