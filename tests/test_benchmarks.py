@@ -882,6 +882,10 @@ def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):
             "'pose' cannot take part, because it does not use the picture at the goal",
         ),
         ("loop-v1 --verify gone.json", "gone.json: cannot read this file"),
+        (
+            "loop-v1 --verify gone.json --dry-run",
+            "--dry-run has no effect with --verify: leave one of them out",
+        ),
     ],
 )
 def test_wrong_options_end_in_a_sentence(monkeypatch, capfd, tmp_path, arguments, sentence):

@@ -299,3 +299,4 @@ def test_the_largest_rectangle_of_a_mask_is_found():
     assert largest_rectangle(mask) == ((3, 4), (1, 7))
     mask[4, 6] = False
     assert largest_rectangle(mask) == ((1, 4), (2, 4))
+    assert largest_rectangle(np.zeros((6, 8), bool)) == ((0, 0), (0, 0))

@@ -1,5 +1,6 @@
 """What happens rarely: nothing seen, nothing there, nothing reachable, everything failed."""
 
+import errno
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ from servo.cli import sweep_command
 from servo.mistake import Mistake, Refused, unknown
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.study import record_file
+from servo.study.cluster.tasks import reason
 from servo.study.run import Failure, Job, Record
 from servo.study.store import Store
 from sim.camera import gl
@@ -201,6 +203,20 @@ def test_a_scenario_of_a_study_is_a_file_only_by_its_ending(monkeypatch, tmp_pat
     assert str(refused.value).startswith(
         "mine.toml: scenario: gone.toml: cannot read this scenario"
     )
+
+
+def test_a_full_disk_is_said_without_a_file_where_none_is_named():
+    found = Failure.of(OSError(errno.ENOSPC, "No space left on device"))
+    assert (found.mistake, found.full) == ("No space left on device", True)
+
+
+def test_the_reason_of_an_error_is_the_last_message_of_its_causes():
+    above, below = RuntimeError("above"), ValueError()
+    above.__cause__ = below
+    assert reason(above) == "above"
+    below.__cause__ = OSError(errno.ENOSPC, "No space left on device", "there")
+    assert reason(above) == "No space left on device"
+    assert reason(ValueError()) == "ValueError"
 
 
 @pytest.mark.parametrize("error", [MemoryError(), RuntimeError("can't start new thread")])

@@ -94,6 +94,19 @@ def test_colours_of_a_target_whose_picture_has_one_or_four_channels(pixel, colou
     np.testing.assert_allclose(colours_of(spec), np.tile(colour, (16, 1)) / 255)
 
 
+def test_a_target_without_geoms_is_grey():
+    np.testing.assert_array_equal(colours_of(mujoco.MjSpec()), [[0.5, 0.5, 0.5]])
+
+
+@pytest.mark.parametrize(("shape", "discs"), [("disc", 5), ("card", 0)])
+def test_objects_have_the_stated_shape(shape, discs):
+    def cylinders(found):
+        return np.count_nonzero(found.geom_type == mujoco.mjtGeom.mjGEOM_CYLINDER)
+
+    strewn = model(Surroundings(clutter=ClutterConfig(number=5, shape=shape)))
+    assert cylinders(strewn) - cylinders(model(None)) == discs
+
+
 def test_light_comes_from_where_it_is_said_and_has_its_colour():
     light = LightConfig(azimuth_deg=90.0, elevation_deg=30.0, strength=0.5, colour="#ff0000")
     lamp = model(Surroundings(light=light)).light("lamp")

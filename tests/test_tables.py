@@ -119,6 +119,19 @@ def test_a_mean_over_a_part_of_the_sequences_says_of_how_many():
     assert not any("of" in row[column - 1] for row in table.rows)
 
 
+@pytest.mark.parametrize(("wins", "losses", "longer"), [(0, 12, "ab"), (12, 0, "ba")])
+def test_which_of_two_trackers_tracks_for_longer_is_said_by_the_test(wins, losses, longer):
+    """The first is the best by the area under its curve, and may be worse by the test."""
+    best, other = ranking.ranked(results([f"family{i}" for i in range(3)]))[:2]
+    test = dataclasses.replace(other.against_best, wins=wins, losses=losses)
+    ranks = [
+        dataclasses.replace(best, tracker="a"),
+        dataclasses.replace(other, tracker="b", against_best=test, p=0.001),
+    ]
+    sentence = f"{longer[0]} tracks for longer than {longer[1]} (McNemar, p < 0.05)."
+    assert bench_section.against_best(ranks) == [sentence]
+
+
 def test_curves_of_a_bench_show_this(monkeypatch, drawn, approved, tmp_path):
     saved = []
     monkeypatch.setattr(curves, "save", lambda f, _, name: saved.append([name, drawn(f)]))

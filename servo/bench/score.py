@@ -357,7 +357,7 @@ def item_rest(points: Array) -> Array:
     """Return, for each world, the correlation (n,) over contestants of their points (m, n) there
     with the mean of their points in all other worlds; nan if either is constant.
     """
-    rest = (points.sum(axis=1, keepdims=True) - points) / (points.shape[1] - 1)
+    rest = points.sum(axis=1, keepdims=True) - points  # correlates as the mean does
     constant = (np.ptp(points, axis=0) == 0) | (np.ptp(rest, axis=0) == 0)
     own, rest = points - points.mean(axis=0), rest - rest.mean(axis=0)
     length = np.sqrt((own**2).sum(axis=0) * (rest**2).sum(axis=0))

@@ -58,7 +58,7 @@ def section(folder: Path, study: StudyFile) -> Section:
         Block(
             "Trackers",
             missing(study, store),
-            points=_compared(ranks),
+            points=against_best(ranks),
             tables=[trackers_table(ranks)],
             figures=_curves(records, [rank.tracker for rank in ranks]),
         ),
@@ -92,7 +92,13 @@ def section(folder: Path, study: StudyFile) -> Section:
     )
 
 
-def _compared(trackers: Sequence[Rank]) -> list[str]:
+def against_best(trackers: Sequence[Rank]) -> list[str]:
+    """Return sentences that say which trackers are worse than the best one by McNemar's test, which
+    are better, and which are not distinguished from it.
+
+    Args:
+        trackers: The trackers, the best one first.
+    """
     best = trackers[0].tracker
     # The test is that of each tracker against the best, which may be worse by the test.
     surely = [(t.tracker, t.against_best) for t in trackers[1:] if t.p < SURE]
