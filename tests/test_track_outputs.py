@@ -119,7 +119,7 @@ def test_few_open_files_are_enough(folder):
         ("--rate", "inf", "inf is not in the range 0.01<=x<=10000.0."),
         ("--rate", "0.001", "0.001 is not in the range 0.01<=x<=10000.0."),
         ("--rate", "1e9", "1000000000.0 is not in the range 0.01<=x<=10000.0."),
-        ("--frames", "1e21", "'1e21' is not a valid integer range."),
+        ("--frames", "1e21", "'1e21' is not a valid integer."),
         ("--frames", "1" + "0" * 21, "1" + "0" * 21 + " is not in the range 1<=x<=1000000000."),
         ("--frames", "0", "0 is not in the range 1<=x<=1000000000."),
     ],
