@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 from machines import machine_with
 
-from servo.cli import sweep_command
+from servo.cli import check_command, sweep_command
 from servo.mistake import Mistake, Refused, unknown
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.study import record_file
@@ -227,3 +227,22 @@ def test_too_little_memory_ends_a_study_instead_of_failing_every_run(tmp_path, e
     assert str(told.value).endswith(
         "the finished runs are stored; remove the cause and run the same command again to continue"
     )
+
+
+@pytest.mark.usefixtures("no_progress")
+def test_a_check_without_memory_is_no_mistake_of_the_user(monkeypatch, capfd):
+    def run(job, folder):
+        raise MemoryError
+
+    monkeypatch.setattr(Job, "run", run)
+    assert check_command.run(["still"], (), 0, 1, 1, quiet=True) == 1
+    assert capfd.readouterr().err == (
+        "servobench: there is too little memory, or too few processes are allowed (ulimit -a) "
+        "(MemoryError) (still)\n"
+    )
+
+
+def test_a_full_disk_is_told_with_or_without_a_file():
+    full = errno.ENOSPC, "No space left on device"
+    assert Failure.of(OSError(*full)).mistake == "No space left on device"
+    assert Failure.of(OSError(*full, "a")).mistake == "a: No space left on device"

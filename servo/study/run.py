@@ -249,7 +249,7 @@ class Failure:
             return Failure(
                 trace,
                 "there is too little memory, or too few processes are allowed (ulimit -a) "
-                f"({error or 'MemoryError'})",
+                f"({str(error) or 'MemoryError'})",
                 full=True,
             )
         return Failure(trace, str(error) if isinstance(error, Mistake) else "")
