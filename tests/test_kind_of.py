@@ -3,8 +3,10 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
 import pytest
 from elsewhere import MyConfig
+from made import Good
 
 from servo.mistake import Mistake
 from servo.scenario.catalogue import LISTS, PLUGINS
@@ -13,6 +15,7 @@ from servo.study import suites
 from servo.study.sequence_run import Contender
 from servo.study.suites import GENERATORS
 from sim import kinds
+from tracking.trackers import KINDS as TRACKERS
 from tracking.trackers import kams
 
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERATORS]
@@ -43,6 +46,16 @@ def test_one_from_elsewhere_is_named_by_module_and_class_or_by_itself():
     assert kinds.kind_of(MyConfig()) == "elsewhere:MyConfig"
     assert kinds.kind_of(Named()) == "mine"
     assert kinds.kind_of(Confusing()).endswith("test_kind_of:Confusing")
+
+
+def test_a_callable_object_with_methods_of_ours_is_no_function_that_makes_a_tracker():
+    class Callable(Good):
+        def __call__(self):
+            raise AssertionError
+
+    mine = Callable(None)
+    config = TRACKERS.as_config(mine, "mine")
+    assert config().build(np.random.default_rng(0)) is mine
 
 
 def test_settings_name_what_replaced_a_part():
