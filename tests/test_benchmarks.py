@@ -49,7 +49,7 @@ from servo.report import benchmark_section
 from servo.scenario.part_names import settings_of
 from servo.scenario.toml import copied, put
 from servo.study.execute import Workers, execute
-from servo.study.run import Record
+from servo.study.run import ClusterLost, Record
 from servo.types import Command
 from sim import world as sim_world
 from sim.files import picture_name
@@ -497,6 +497,16 @@ def test_the_digest_of_a_contestant_covers_its_package(tmp_path, monkeypatch, gi
     assert one.digest != before
 
 
+def test_the_digest_of_a_contestant_covers_a_list_of_numbers():
+    servo_v2 = load("servo-v2")
+    weights = ["controller.weights=[1,1,1,1,1,0]", "controller.weights=[1,1,1,1,1,0.5]"]
+    first, second = (contestants(servo_v2, ["points"], [change])[0] for change in weights)
+    assert first.settings["controller.weights"] == [1, 1, 1, 1, 1, 0]
+    settings = json.dumps(first.settings, sort_keys=True).encode()
+    assert first.digest == hashlib.sha256(settings).hexdigest() != second.digest
+    assert not first.is_unknown
+
+
 def test_the_digest_of_a_law_covers_the_modules_beside_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("my_law.py", "helper.py"):
@@ -631,6 +641,20 @@ def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd,
         0,
         "points: 0 of 2 repeated worlds agree, bit for bit\n"
         f"  2 more worlds agree except for rounding by another processor\n{notes}",
+    )
+
+
+@pytest.mark.usefixtures("no_progress")
+def test_workers_that_are_lost_end_a_verification_with_a_sentence(monkeypatch, capfd, root):
+    def lost(jobs, workers):
+        raise ClusterLost("the local cluster is gone")
+
+    monkeypatch.setattr(benchmark_command, "execute", lost)
+    row = str(root / "scenes" / "benchmarks" / "rows" / "servo-v1" / "hybrid.json")
+    assert call(monkeypatch, capfd, *BENCH, "--verify", row) == (
+        1,
+        "",
+        "servobench: the local cluster is gone; the row is not verified: verify it again\n",
     )
 
 
