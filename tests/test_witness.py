@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tracking import create
+from tracking.appearance.witness import BY_TEMPLATE, Witness
 from tracking.evaluation.track import follow
 from tracking.sequences.sequence import Sequence
 from tracking.types import Region, State, Status
@@ -107,6 +108,20 @@ def test_the_confidence_is_high_on_the_target_and_low_off_it(lookalike):
     here = np.r_[0:GONE, BACK + 3 : FRAMES]
     assert confidence[here].min() > 0.8
     assert confidence[GONE + 15 : BACK].max() < 0.5
+
+
+def test_a_filter_that_fails_to_follow_counts_nothing():
+    sequence = painted()
+    image = next(iter(sequence.source)).image
+    witness = Witness(image, sequence.region, sequence.start)
+    off = State(150.0, 60.0)  # outside the filter's window its output is negative
+    witness.look(image, sequence.start)
+    for _ in range(200):
+        witness.fare(off)
+    states = np.stack([sequence.start.vector, BESIDE.vector, off.vector])
+    alike = [witness.signs(state)[1] for state in (sequence.start, BESIDE, off)]
+    expected = BY_TEMPLATE * (1 - np.array(alike))
+    np.testing.assert_allclose(witness.energy(states), expected, atol=1e-12)
 
 
 def test_one_good_frame_does_not_lock_a_doubted_target_again():
