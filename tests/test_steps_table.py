@@ -12,7 +12,7 @@ from servo.cli import run_command
 from servo.controllers.ibvs import Ibvs
 from servo.loop.episode import Episode
 from servo.loop.step import Step
-from servo.mistake import Mistake
+from servo.mistake import Mistake, Refused
 from servo.output import sinks
 from servo.output.run_folder import RunFolder, prepare
 from servo.output.steps_table import STREAM, StepsTable
@@ -114,6 +114,15 @@ def test_two_runs_do_not_write_into_one_folder(tmp_path):
         )
         first.close()
     assert [path.name for path in tmp_path.iterdir()] == ["steps.parquet"]
+
+
+def test_a_folder_that_is_refused_for_another_reason_than_a_full_disk(tmp_path):
+    gone = tmp_path / "gone"
+    still = load("still", ["tracker.kind=frozen"])
+    with Episode(still) as episode, pytest.raises(Refused) as refused:
+        RunFolder(gone, episode, rerun=False)
+    sentence = f"{gone / STREAM}: No such file or directory: choose another folder"
+    assert str(refused.value) == sentence
 
 
 def test_runs_that_begin_at_once_get_folders_of_their_own(monkeypatch, tmp_path):
