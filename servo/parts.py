@@ -104,8 +104,9 @@ class FeatureSet(Protocol):
 @runtime_checkable
 class OwnInverse(Protocol):
     """Protocol of a feature set with an inverse of the interaction matrix of its own, which
-    replaces the law's pseudo-inverse while all features are measured. All six components of the
-    camera twist may then move. It is not used for robots with one to five joints.
+    replaces the law's pseudo-inverse while all features are measured and, if there are six or more,
+    the tilt of the target's plane too. All six components of the camera twist may then move. It is
+    not used for robots with one to five joints.
     """
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:

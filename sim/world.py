@@ -143,7 +143,6 @@ class World:
         steps = rates.steps
         self._drive_steps = rates.drive_steps
         self.period = 1.0 / camera.rate
-        self._hold = self._drive_steps / rates.physics
         props = [prop for d in parts.disturbances for prop in d.props]
         leader = parts.leader.leads(parts.target.outline)
         self.model = build_model(
@@ -173,6 +172,14 @@ class World:
         self._moments = sorted({*range(0, steps, self._drive_steps), *self._exposed_at, steps})
         self.ticks = self.period / steps * np.arange(0.0, steps, self._drive_steps)
         """Times after a frame at which the drives get new joint rates (n,) [s]."""
+        # Times from each update of the drives to the next one [s]. Drives are updated at each
+        # frame: the last time of a frame is shorter where a frame has no whole number of others.
+        updates = [*range(0, steps, self._drive_steps), steps]
+        held = np.diff(updates)
+        self._holds: list[float] = (held / rates.physics).tolist()
+        self.shares = held / held[0]
+        """The time from each update of the drives to the next one, over the first of these times
+        (n,): 1, and less for the last update of a frame that has no whole number of the others."""
         self._pictures: list[Promise] = []
         self._frames = 0
         self._mean_twist = np.zeros(6)
@@ -297,12 +304,13 @@ class World:
                 self._set_stage(self.data.time)
                 self._pictures.append(self._renderer.begin(self.data))
             if k % self._drive_steps == 0:
-                twist = each[k // self._drive_steps]
-                rates, made, limits = self._known.rates(self.data, twist, self._hold, self._rates)
+                update = k // self._drive_steps
+                hold = self._holds[update]
+                rates, made, limits = self._known.rates(self.data, each[update], hold, self._rates)
                 slowed_by |= dict.fromkeys(limits)
-                accepted.append(made)
+                accepted.append(made * self.shares[update])
                 self._rates = rates
-                self.data.ctrl[:] = self._known.driven(rates, self._hold)
+                self.data.ctrl[:] = self._known.driven(rates, hold)
             mujoco.mj_step(self.model, self.data, until - k)
         if self.data.warning.number[UNSTABLE].any():
             fastest = np.linalg.norm(np.reshape(each, (-1, 2, 3)), axis=2).max(axis=0)
@@ -312,7 +320,7 @@ class World:
                 "are too fast, else raise world.physics_rate, which is too low for drives or masses"
             )
         self._frames += 1
-        self._accepted = np.add.reduce(accepted) / len(accepted)  # `mean` takes three times as long
+        self._accepted = np.add.reduce(accepted) / self.shares.sum()
         self.data.time = self._frames * self.period
         self._eye_at = self._set_stage(self.data.time)
         self._mean_twist = log_se3(before.inverse() @ self.robot.eye(self.data)) / self.period

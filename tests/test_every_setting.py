@@ -324,6 +324,7 @@ TWO_JOINTS = (
     "start={}",
 )
 FEW = "the robot has fewer than six joints, and the joints decide which components can move"
+NO_CHOICE = "no more components of the twist may move than features need, so weights decide nothing"
 INVERTS = "this feature set computes the twist from the error by an inverse of its own"
 BROYDEN = ("controller.kind=broyden",)
 POSE = ("features.kind=pose", "tracker.corners=true")
@@ -342,7 +343,7 @@ PIXELS = ("features.kind=photometric", "estimator.kind=none")
         ((*TWO_JOINTS, "controller.kind=qp"), 'controller.dof=["wx"]', FEW),
         (("features.kind=weighted", "tracker.corners=true"), 'controller.dof=["vx"]', INVERTS),
         (("features.kind=partitioned", "tracker.corners=true"), 'controller.dof=["vx"]', INVERTS),
-        (("features.kind=partitioned",), "controller.weights=[1, 1, 1, 1, 1, 0.2]", INVERTS),
+        (("features.kind=partitioned",), "controller.weights=[1, 1, 1, 1, 1, 0.2]", NO_CHOICE),
         (
             PIXELS,
             "sight.depth=known",
@@ -396,6 +397,7 @@ FREE = ("robot.kind=free", "controller.feed_forward=[]", "run.duration=0.3")
     [
         ((*FREE, "features.kind=weighted"), 'controller.dof=["vx", "vy"]'),
         ((*FREE, "features.kind=decoupled"), 'controller.dof=["vx", "vy"]'),
+        (("features.kind=partitioned",), 'controller.dof=["vx", "vy"]'),
         (("features.kind=hybrid",), "sight.depth=known"),
         ((*POSE, "camera.depth=true"), "sight.depth=picture"),
         (PIXELS, "believed.depth_factor=1.3"),

@@ -1,5 +1,7 @@
 """Laws with an inverse of their own, against computations that share no code with them; the law that learns its matrix."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from measured import measured_run
@@ -139,6 +141,25 @@ def test_the_partitioned_law_turns_about_the_axis_without_a_retreat(degrees):
     error = sets.error(sets.values(seen), sets.values(seen_in(goal)))
     twist = -sets.inverse(sets.matrix(seen), error, CAMERA) @ error
     np.testing.assert_allclose(twist, [0, 0, 0, 0, 0, angle], atol=1e-9)
+
+
+def test_the_camera_keeps_its_tilt_while_no_tilt_is_measured():
+    sets = partitioned.Config().build(OUTLINE)
+    rng = np.random.default_rng(0)
+    goal = seen_in(pose_of(*GOAL))
+    controller = ibvs.Config(gain=GAIN).build(rng)
+    estimator = none.Config().build(rng)
+    estimator.start(sets)
+    controller.start(Task(goal, sets, estimator, CAMERA, OUTLINE))
+    seen = seen_in(pose_of(*STARTS["near"]), goal)
+    flat = replace(seen, tilt_known=False)
+    twist = controller.command(flat, posture_of(np.zeros(6)), DT).twist
+    error = sets.error(sets.values(seen), sets.values(goal))
+    four = [0, 1, 2, 5]
+    np.testing.assert_allclose(
+        twist[four], -GAIN * np.linalg.pinv(sets.matrix(seen)[:, four]) @ error, atol=1e-12
+    )
+    assert twist[[3, 4]].tolist() == [0.0, 0.0]
 
 
 def test_corners_weigh_nothing_inside_and_much_at_the_border():

@@ -208,6 +208,8 @@ def test_a_scenario_of_a_study_is_a_file_only_by_its_ending(monkeypatch, tmp_pat
 def test_a_full_disk_is_said_without_a_file_where_none_is_named():
     found = Failure.of(OSError(errno.ENOSPC, "No space left on device"))
     assert (found.mistake, found.full) == ("No space left on device", True)
+    with_file = Failure.of(OSError(errno.ENOSPC, "No space left on device", "a"))
+    assert with_file.mistake == "a: No space left on device"
 
 
 def test_the_reason_of_an_error_is_the_last_message_of_its_causes():
@@ -240,9 +242,3 @@ def test_a_check_without_memory_is_no_mistake_of_the_user(monkeypatch, capfd):
         "servobench: there is too little memory, or too few processes are allowed (ulimit -a) "
         "(MemoryError) (still)\n"
     )
-
-
-def test_a_full_disk_is_told_with_or_without_a_file():
-    full = errno.ENOSPC, "No space left on device"
-    assert Failure.of(OSError(*full)).mistake == "No space left on device"
-    assert Failure.of(OSError(*full, "a")).mistake == "a: No space left on device"

@@ -88,3 +88,21 @@ def test_where_the_rate_divides_nothing_is_said(tmp_path, capsys):
     assert run_command.run("still", changes, 0, tmp_path, quiet=False, no_rerun=True) == 0
     assert "Hz was used" not in capsys.readouterr().out
     assert json.loads((tmp_path / "report.json").read_text())["rates"] == {}
+
+
+@pytest.mark.parametrize("rate", [80.0, 96.0, 160.0, 240.0, 480.0])
+def test_an_acceleration_limit_holds_for_the_time_until_the_next_update_of_the_drives(rate):
+    """The drives are updated at each frame, also where that is earlier than their own rate."""
+    changes = ["controller.kind=hold", "robot.acceleration=0.5", f"camera.rate={rate}"]
+    with Episode(load("still", changes)) as episode:
+        world = episode.world
+        for k in range(1, 10):
+            assert world.step(np.array([9.0, 0.0, 0.0, 0.0, 0.0, 0.0]))[0] == "x (acceleration)"
+            assert world._rates[0] == pytest.approx(0.5 * k / rate)
+        # What the command reaches on average over a frame's updates, each for as long as it holds.
+        ends = np.append(world.ticks, world.period)
+        during = 0.5 * (9 - 1) / rate + 0.5 * ends[1:]
+        expected = during @ np.diff(ends) / world.period
+        posture = world.posture()
+        accepted = np.linalg.solve(posture.jacobian, posture.accepted)
+        assert accepted[0] == pytest.approx(expected, rel=1e-3)

@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 
+from servo.controllers._inverse import takes_own_inverse
 from servo.controllers._law_settings import LawSettings
 from servo.loop.episode import Episode
 from servo.loop.settings import Setup, stream
@@ -151,12 +152,16 @@ def _sights(episode: Episode) -> list[Sight]:
 
 def _dof_chooses(law: LawSettings, episode: Episode) -> bool:
     """Return whether controller.dof has an effect: the law inverts the interaction matrix (the
-    feature set does not, or not while some features are unknown), or has a secondary task.
+    feature set does not, or not while features or a tilt are unknown), or has a secondary task.
     """
     features = episode.loop.features
-    known = map(features.known, _sights(episode))
-    inverts = any(flags.any() and not flags.all() for flags in known)
-    return not isinstance(features, OwnInverse) or inverts or bool(law.secondary)
+    if not isinstance(features, OwnInverse) or law.secondary:
+        return True
+    for sight in _sights(episode):
+        known = features.known(sight)
+        if known.any() and not takes_own_inverse(known, tilt_seen=sight.tilt_known):
+            return True
+    return False
 
 
 def _weights_forbid(law: LawSettings, episode: Episode) -> bool:

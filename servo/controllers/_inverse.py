@@ -87,6 +87,18 @@ class Inverse:
         return Inverse(pseudo, L, moves)
 
 
+def takes_own_inverse(known: NDArray[np.bool_], *, tilt_seen: bool) -> bool:
+    """Return whether a feature set's own inverse, where it has one, replaces the pseudo-inverse for
+    a picture: all features are measured, and so is the tilt of the target's plane if six or more
+    features would turn the camera by a tilt that is only assumed.
+
+    Args:
+        known: True (k,) for each feature that is measured in the picture.
+        tilt_seen: Whether the tilt of the target's plane is measured in it.
+    """
+    return bool(known.all()) and (tilt_seen or len(known) < len(DOF))
+
+
 def servoed_by(L: Array, jacobian: Array) -> NDArray[np.bool_]:
     """Return True (k,) for each feature that the joints of a robot can servo. Of up to six
     features, these are the ones that the joints can move independently of the features before them

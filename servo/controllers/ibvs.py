@@ -20,7 +20,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from servo.controllers._inverse import Inverse, servoed_by, twist_of
+from servo.controllers._inverse import Inverse, servoed_by, takes_own_inverse, twist_of
 from servo.controllers._law_settings import UNTILTED, LawSettings, adaptive_gain
 from servo.controllers._limits import DesiredTwist, Guard, LimitedTwist, Limits, excess
 from servo.controllers._pending_commands import PendingCommands
@@ -360,16 +360,16 @@ class Ibvs:
     def _inverse(self, posture: Posture) -> Inverse:
         """Return the inverse L# for the features that are measured and the components of the twist
         that may move. For a robot with one to five joints it is J (L J)+; for a feature set with an
-        inverse of its own, all of whose features are measured, it is that one.
+        inverse of its own it is that one while everything that it needs is measured.
         """
         if 0 < posture.jacobian.shape[1] < len(DOF):  # 0: a robot that takes any twist
             rows = self._measured.known & self._servoed_by(posture)
             return Inverse.through_joints(self._chosen_matrix(), rows, posture.jacobian)
-        if self._own_inverse is not None and self._measured.known.all():
+        known = self._measured.known
+        if self._own_inverse and takes_own_inverse(known, tilt_seen=self._tilt_seen):
             L = self._chosen_matrix()
             pseudo = self._own_inverse.inverse(L, self._measured.values, self._camera)
             return Inverse(pseudo, L, np.ones(len(DOF), bool))
-        known = self._measured.known
         moves = self._config.moves_for(self._features, known, tilt_seen=self._tilt_seen)
         return Inverse.of(self._chosen_matrix(), known, moves, self._weights)
 

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
+from itertools import islice
 from math import radians
 from time import perf_counter
 from typing import Any
@@ -333,7 +334,7 @@ class Episode:
             world.model,
         )
         offset = 1e-3 * scenario.believed.clock_offset_ms
-        schedule = Schedule(scenario.run, world.period, world.ticks, offset, steered)
+        schedule = Schedule(scenario.run, world.period, world.ticks, world.shares, offset, steered)
         self._timeline = Timeline(schedule, self.running, stream(scenario.run.seed, "transport"))
 
     def _true_motion(self, picture: int, begin: float, end: float) -> Array:
@@ -380,7 +381,8 @@ class Episode:
             limits = self.world.step(twists)
         except Unstable as error:
             raise Part("robot", self.scenario.robot).failed(str(error)) from error
-        self._advances.append(Advance(mean_twist(twists), limits, perf_counter() - began))
+        mean = mean_twist(twists, self.world.shares)
+        self._advances.append(Advance(mean, limits, perf_counter() - began))
 
     def __iter__(self) -> Iterator[Step]:
         for _ in range(self.frames):
@@ -393,14 +395,15 @@ class Episode:
         time of the physics are still zero or empty here.
         """
         timeline = self._timeline
+        ahead = len(self._advances)
         began = perf_counter()
         now = self._moment or self.world.moment()
         frame = now.picture()
         goal = now.goal or self.goal.truth(frame.time, now.truth.T_world_camera)
         self._moment = self._next_moment(frame.index)
-        rendering = perf_counter() - began
-        if frame.index == 0:  # physics that was stepped just now is counted by `advance`
-            rendering -= sum(passed.seconds for passed in self._advances)
+        # `advance` counts the physics of an interval that was stepped just now.
+        stepped = sum(passed.seconds for passed in islice(self._advances, ahead, None))
+        rendering = perf_counter() - began - stepped
         self._truths[frame.index] = now.truth
         timeline.advance(frame, now.believed)
         latest = timeline.latest

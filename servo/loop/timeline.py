@@ -29,8 +29,8 @@ SAME = 1e-9
 class Schedule:
     """Times that decide when things happen in a run: the delays of tracker, pictures and commands,
     the frame interval [s], the times (n,) after a frame at which the drives update their command
-    [s], and stamped minus true time of a picture [s]; and whether twists other than the law's may
-    act.
+    [s] and for how long each command holds, and stamped minus true time of a picture [s]; and
+    whether twists other than the law's may act.
     """
 
     run: RunConfig
@@ -39,6 +39,8 @@ class Schedule:
     """Frame interval [s]."""
     ticks: Array
     """Times (n,) after a frame at which the drives update their command [s]."""
+    shares: Array
+    """Times (n,) for which these commands hold, over the first of them."""
     clock_offset: float
     """Stamp minus true time of a picture [s]."""
     steered: bool
@@ -84,11 +86,13 @@ class _Work:
     """Time at which the estimate is ready [s]."""
 
 
-def mean_twist(twists: Array) -> Array:
-    """Return the mean (6,) of n twists (n, 6), n >= 1 [m/s, rad/s]; exactly that twist, without
-    rounding, if all are equal.
+def mean_twist(twists: Array, shares: Array) -> Array:
+    """Return the mean over time (6,) of n twists (n, 6), n >= 1 [m/s, rad/s], that act one after
+    the other for times in the ratios of `shares` (n,); exactly that twist, without rounding, if all
+    are equal.
     """
-    return twists[0] if (twists == twists[0]).all() else twists.mean(axis=0)
+    same = (twists == twists[0]).all()
+    return twists[0] if same else np.average(twists, axis=0, weights=shares)
 
 
 @final
@@ -201,7 +205,7 @@ class Timeline:
         """
         begin = self._now + later * self._schedule.period
         twists = np.array([self._in_force(begin + tick) for tick in self._ticks])
-        self._asked = mean_twist(twists)
+        self._asked = mean_twist(twists, self._schedule.shares)
         return twists
 
     def _transport(self) -> float:
