@@ -87,15 +87,19 @@ def _conversation(
 
 
 def _policy(law: object, kind: str) -> PolicyLaw:
-    """Return a controller that was built, if it is a policy.
+    """Return a controller that was built, if it is a policy to which a client can give what it
+    needs.
 
     Raises:
-        ValueError: The controller is not a policy.
+        ValueError: The controller is not a policy, or needs the robot's posture in the room.
     """
-    if isinstance(law, PolicyLaw):
+    if isinstance(law, PolicyLaw) and law.starts_at_zero:
         return law
+    found = "is no policy"
+    if isinstance(law, PolicyLaw):
+        found = "needs the robot's posture in the room, which a program does not get"
     raise ValueError(
-        f"'{kind}' is no policy: give a function act(picture, goal_picture, camera, posture), "
+        f"'{kind}' {found}: give a function act(picture, goal_picture, camera, posture), "
         "perhaps with a last argument depth, or a class with such a method"
     )
 

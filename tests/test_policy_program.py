@@ -41,6 +41,10 @@ class Blend:
         tail = [camera.fx * 1e-4 + bent, depth * 1e-2, posture.jacobian[0, 0] * 1e-3]
         return np.concatenate([head, tail]) + pose.rotation[0, 1]
 
+def placed(picture, goal_picture, posture):
+    return [0.0] * 6
+
+
 def plain(seen, task):
     return np.zeros(6)
 """
@@ -114,6 +118,11 @@ def test_a_setting_of_the_policy_is_given_on_the_servers_command_line(module):
     [
         ("-c 'print(1)'", "failed: it ended with code 0 instead of sending a line of JSON"),
         ("-m servo.policy_server blend_policy:plain", "'blend_policy:plain' is no policy: give a"),
+        (
+            "-m servo.policy_server blend_policy:placed",
+            "'blend_policy:placed' needs the robot's posture in the room, which a program does not "
+            "get: give a function act(picture, goal_picture, camera, posture), perhaps with a last",
+        ),
         (
             "-m servo.policy_server blend_policy:Other",
             "module 'blend_policy' has no attribute 'Other'",

@@ -361,7 +361,7 @@ def test_a_sender_that_leaves_sends_no_twist():
         time.sleep(0.01)
 
 
-def test_joint_states_of_a_publisher_that_leaves_are_used_until_another_one_comes(monkeypatch):
+def test_joint_states_of_a_publisher_that_leaves_are_used_for_a_short_time(monkeypatch):
     monkeypatch.setattr("servo.ros2.node.PATIENCE", 0.05)
     scenario = servo.load("pan_tilt_line", ["tracker.kind=truth"])
     robot = Robot(scenario, "/e/joints", "/e/twist")
@@ -381,6 +381,13 @@ def test_joint_states_of_a_publisher_that_leaves_are_used_until_another_one_come
     time.sleep(0.2)
     assert robot.posture(1.0).joints.tolist() == [0.1, 0.2]
     second.write(state(1.5, 0.3, 0.4))
+    time.sleep(0.2)
+    assert robot.posture(1.5).joints.tolist() == [0.3, 0.4]
+    monkeypatch.setattr("servo.ros2.client.SILENT", 0.0)
+    sentence = "/e/joints: no new joint state has come for 0 s: is the program that publishes on this topic still running?"
+    with pytest.raises(Mistake, match=f"^{re.escape(sentence)}$"):
+        robot.posture(1.5)
+    second.write(state(1.4, 0.3, 0.4))  # the publisher's clock was set back: it is no less there
     time.sleep(0.2)
     assert robot.posture(1.5).joints.tolist() == [0.3, 0.4]
 

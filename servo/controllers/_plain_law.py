@@ -124,6 +124,11 @@ class PolicyLaw:
         self._reset = reset
         self._takes = _asks_for(act)
 
+    @property
+    def starts_at_zero(self) -> bool:
+        """Whether the posture that the policy gets is relative to the first picture."""
+        return self._takes > OF_POLICIES[0]
+
     def start(self, task: Task) -> None:
         """Begin a run with the goal's picture and depth of a task.
 
@@ -150,7 +155,7 @@ class PolicyLaw:
         """
         if seen is None or seen.picture is None:
             return Command(np.zeros(6), mode=Mode.HOLDING)
-        if self._takes > OF_POLICIES[0]:
+        if self.starts_at_zero:
             self._first = self._first or posture
             posture = since(self._first, posture)
         return Command(_floats(self.twist(seen.picture.image, posture)))

@@ -38,6 +38,8 @@ KEPT_DEPTHS = 5
 """Number of depth pictures that are kept to find the one with a picture's stamp."""
 KEPT = 100
 """Number of joint states that are kept to find the one nearest to a picture's stamp."""
+SILENT = 1.0
+"""Longest time without a new joint state [s]: any robot's driver sends ten a second or more."""
 
 
 class Camera:
@@ -146,6 +148,10 @@ class Robot:
         self._topic = joints
         self._frame = frame
         self._last: tuple[float, Pose] | None = None
+        self._stamp = -math.inf
+        """The stamp of the last joint state received [s]."""
+        self._since = math.nan
+        """This computer's monotonic time at which this stamp was read first [s]."""
 
     def posture(self, time: float) -> Posture:
         """Return the robot's posture (camera pose, joint positions and limits, Jacobian, camera
@@ -156,12 +162,13 @@ class Robot:
         previous call to this one, zero at the first call and if the joint state is no newer.
 
         Raises:
-            Mistake: No joint state has come within 10 s, it lacks a joint of the model, or it has
-                another number of positions than of names.
+            Mistake: No first joint state has come within 10 s or no further one for 1 s, it lacks a
+                joint of the model, or it has another number of positions than of names.
         """
         # A sample without data says that a publisher has left.
         received = [s for s in self._reader.read(KEPT) if isinstance(s, JointState)]
         states = received or [first(self._reader, self._topic)]
+        self._check_going_on(seconds(states[-1].header.stamp))
         state = min(states, key=lambda s: abs(seconds(s.header.stamp) - time))
         if len(state.position) != len(state.name):
             raise Mistake(
@@ -173,6 +180,22 @@ class Robot:
         self._data.qpos[self._robot.qpos] = [positions[name] for name in self._robot.names]
         self._robot.refresh(self._data)
         return self._robot.posture(self._data, self._twist(seconds(state.header.stamp)))
+
+    def _check_going_on(self, last: float) -> None:
+        """Check that joint states go on coming, by the stamp [s] of the last one: the robot's clock
+        may differ from this computer's.
+
+        Raises:
+            Mistake: The stamp is as long ago as joint states may stay away.
+        """
+        now = time.monotonic()
+        if last != self._stamp:
+            self._stamp, self._since = last, now
+        elif now - self._since > SILENT:
+            raise Mistake(
+                f"{self._topic}: no new joint state has come for {SILENT:g} s: is the program that "
+                "publishes on this topic still running?"
+            )
 
     def go(self, twist: Array) -> None:
         """Send the robot a camera twist (6,): linear velocity [m/s], then angular velocity [rad/s],
