@@ -255,7 +255,7 @@ class Run(Sequence[Step]):
             for name, measure in MEASURES.items()
             if measure.brief or name in of_pose
         ]
-        sentence = self.outcome.sentence([*self.record.limits, *self.record.off])
+        sentence = self.outcome.sentence(self.record.limits, self.record.off)
         ending = escape(f"{self.outcome.name}. {sentence} ({verdict})")
         table = notebook.html_table(Table(("measure", "value", "unit", "meaning"), rows))
         plot = notebook.html_picture(self.figure().png())

@@ -266,9 +266,15 @@ def test_a_run_that_is_out_of_time_says_the_most_of_all_that_was_off(steps):
     made[-1] = replace(made[-1], truth=grown)
     found = report(made)
     assert (found.outcome, found.off) == (Outcome.TIMED_OUT, ("angle 27 deg", "size 40 %"))
-    assert found.outcome.sentence(found.off) == (
+    assert found.outcome.sentence(found.limits, found.off) == (
         "The run ended before the camera was at the goal; largest errors of its last second: angle "
         "27 deg, size 40 %."
+    )
+    at_an_end = replace(made[-1], limited=True, joint_limits=("elbow (range)",))
+    late = report([*made[:-1], at_an_end])
+    assert late.outcome.sentence(late.limits, late.off) == (
+        "The run ended before the camera was at the goal; joints at their limits: elbow (range); "
+        "largest errors of its last second: angle 27 deg, size 40 %."
     )
 
 

@@ -309,7 +309,7 @@ def _print_record(
     """Print how a run with this number of features ended, its measures beside their bounds, and its
     drawn settings.
     """
-    outcome = f"{record.outcome}. {Outcome[record.outcome].sentence([*record.limits, *record.off])}"
+    outcome = f"{record.outcome}. {Outcome[record.outcome].sentence(record.limits, record.off)}"
     console.print(f"[bold]{escape(scenario.name)}[/], seed {record.seed}: {outcome}")
     if all_measures:
         print_table(console, _table_of(scenario, record))

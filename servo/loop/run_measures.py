@@ -52,17 +52,20 @@ class Outcome(Enum):
     LIMIT_HIT = "A limit of the robot keeps the camera from the goal."
     DIVERGED = "The target has left the picture, and no tracker has called it lost."
 
-    def sentence(self, causes: Sequence[str] = ()) -> str:
-        """Return the sentence of this outcome, with the causes, if there are any, after a colon.
+    def sentence(self, limits: Sequence[str] = (), off: Sequence[str] = ()) -> str:
+        """Return the sentence of this outcome, with its causes, if there are any.
 
         Args:
-            causes: What kept the camera from the goal, such as "elbow (range)" or "angle 27 deg".
+            limits: The limits of joints that kept the camera from the goal: "elbow (range)".
+            off: What was too far from the goal in the last second: "angle 27 deg".
         """
-        if not causes:
-            return self.value
-        is_late = self is Outcome.TIMED_OUT
-        of_what = "; largest errors of its last second" if is_late else ""
-        return f"{self.value[:-1]}{of_what}: {', '.join(causes)}."
+        sentence = self.value[:-1]
+        if limits:
+            at_limits = "; joints at their limits" if off else ""
+            sentence += f"{at_limits}: {', '.join(limits)}"
+        if off:
+            sentence += f"; largest errors of its last second: {', '.join(off)}"
+        return f"{sentence}."
 
 
 @dataclass(frozen=True, slots=True)

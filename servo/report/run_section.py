@@ -65,7 +65,7 @@ def section(folder: Path) -> Section:
     return Section(
         "run",
         f"{run.scenario}, seed {run.seed}",
-        known.sentence([*run.limits, *run.off]) if known else "",
+        known.sentence(run.limits, run.off) if known else "",
         Badge.of(run.outcome == Outcome.CONVERGED.name, run.outcome),
         facts,
         [
