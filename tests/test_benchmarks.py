@@ -779,6 +779,25 @@ def test_a_digest_is_printed_before_anything_runs(monkeypatch, capfd, tmp_path):
     assert (code, out.splitlines()[0]) == (0, f"points: digest {points.digest}")
 
 
+def test_published_rows_that_fix_the_scale_are_not_run_again(monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("servo.cli.jobs.tried", lambda missing: (1.0, []))
+    public = load("servo-v1")
+    words = [*BENCH, "--law", "points", "--quick", "--dry-run"]
+
+    def count(band):
+        worlds = len(public.every_world(Band(band), 2))
+        code, out, _ = call(monkeypatch, capfd, *words, "--band", band)
+        assert code == 0
+        return int(out.split(" runs,")[0].split()[-1].replace(",", "")) / worlds
+
+    assert count("dev") == 1 + len(scale_of(public))
+    assert count("v1") == 1
+    rows = [r for r in shipped_rows(public) if r.contestant != scale_of(public)[0].name]
+    monkeypatch.setattr(benchmark_command, "shipped_rows", lambda _: rows)
+    assert count("v1") == 1 + len(scale_of(public))
+
+
 def test_pictures_of_published_worlds_are_known_and_those_of_sealed_worlds_are_not():
     """A contestant that sees nothing, but knows published digests, could replay a row's commands."""
     benchmark = load("goal-v1")

@@ -71,3 +71,15 @@ def test_named_groups_are_axes_and_their_page_draws_the_ways(tmp_path, monkeypat
     # The target is a square of 0.2 m below the path.
     square = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1]]
     np.testing.assert_allclose(np.transpose(axes[0].lines[1].get_data_3d()[:2]), square)
+    # Runs of other seeds, and runs without a path, are not drawn.
+    moved = first | {"camera_z_m": first["camera_z_m"] - 100}
+    other = [dict(row, run=row["run"] + 10, seed=1) for row in found.rows]
+    failed = [dict(row, run=row["run"] + 20) for row in found.rows]
+    with_others = replace(
+        found,
+        rows=[*found.rows, *other, *failed],
+        series=found.series | {row["run"]: moved for row in other},
+    )
+    assert [p.svg for p in study_paths.paths(with_others)] == [
+        p.svg for p in study_paths.paths(found)
+    ]

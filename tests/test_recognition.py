@@ -5,7 +5,7 @@ import pytest
 
 from sim.types import Frame
 from tracking import create
-from tracking.appearance.views import Views
+from tracking.appearance.views import APART, SIDE, SIZES, Views
 from tracking.evaluation.track import follow
 from tracking.sequences.painted.similarity import HIDDEN_AT, Config
 from tracking.types import Region, State, Status
@@ -70,6 +70,20 @@ def test_a_picture_too_large_or_too_small_for_the_search_has_no_candidates():
     views = Views(np.zeros((12, 20, 3), np.uint8), Region(8.0, 8.0), state, 2)
     assert views.search(np.zeros((5, 20, 3), np.uint8), state, 5).shape == (0, 4)
     assert views.search(np.zeros((8, 2000, 3), np.uint8), state, 5).shape == (0, 4)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_peak_of_the_search_is_not_found_again_beside_itself(axis):
+    """In a plain picture all places are alike: each is half a view beyond the one before."""
+    state = State(20.0, 20.0)
+    views = Views(np.zeros((60, 80, 3), np.uint8), Region(SIDE, SIDE), state, 2)
+    sides = [100, 100]
+    sides[1 - axis] = SIDE  # one view wide
+    plain = views.blurred(np.full((*sides, 3), 90, np.uint8))
+    places = views.search(plain, state, 3)[:, [1, 0]]
+    found = places[:, axis] - places[0, axis]
+    np.testing.assert_allclose(found, SIZES[0] * (APART + 1) * np.arange(3))
+    assert np.ptp(places[:, 1 - axis]) == 0
 
 
 def test_plain_pictures_are_like_nothing():

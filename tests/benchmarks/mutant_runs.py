@@ -33,7 +33,7 @@ HEAVY = (
 """Imported once: the imports take longer than most tests."""
 OPTIONS = ("-q", "-p", "mutant_plugin", "-m", "not processes")
 """Options of each run of pytest."""
-COMPILED = ("tracking/loops/", "sim/camera/exact/raster.py")
+COMPILED = ("tracking/loops/", "sim/camera/exact/raster.py", "sim/camera/exact/shadows.py")
 """numba compiles these: coverage does not see their lines, and each change compiles anew."""
 
 

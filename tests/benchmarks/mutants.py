@@ -13,7 +13,7 @@ a mutant goes to the terminal: noticed, and by which test, or survived; the surv
 - A mutant runs the tests that run its line, the quick ones first, until one fails; where the line
   runs at import (defaults of settings, constants), those that run or import its file. Beyond 90 s
   in all the slowest tests are left out: what only they notice counts as survived. Compiled loops
-  (tracking/loops, raster) are compiled anew.
+  (tracking/loops, raster, shadows) are compiled anew.
 - Each kind of change is as likely as the others, else half of all mutants would be numbers.
 - Look at every survivor. Write the test that notices the kind of defect, or delete code that does
   nothing. Only a mutant that provably computes the same goes into MUTANTS_THAT_CHANGE_NOTHING.
