@@ -274,7 +274,7 @@ def test_a_dry_run_tells_how_many_runs_and_keeps_nothing(tmp_path, monkeypatch, 
     # Nobody knows how many workers a cluster will have.
     cluster = "tcp://127.0.0.1:8786"
     assert sweep_command.run("mine.toml", [], None, 2, cluster, None, False, True) == 0
-    shared = r"40 runs about \d+ s, divided by the number of the cluster's workers"
+    shared = r"40 runs about \d+ s, in all, to be divided by the cluster's workers"
     assert re.search(shared, capsys.readouterr().out)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
 

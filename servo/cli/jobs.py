@@ -101,7 +101,7 @@ def print_estimate(
     spent, failed = tried(missing)
     at_once = 1 if workers is None else min(workers, os.cpu_count() or 1, len(missing))
     whole = duration(spent * len(missing) / at_once)
-    shared = f"{at_once} at once" if workers else "divided by the number of the cluster's workers"
+    shared = f"{at_once} at once" if workers else "in all, to be divided by the cluster's workers"
     plain(console, f"a run takes {spent:.1f} s here, {len(missing):,} runs about {whole}, {shared}")
     again = [f" (again: {job.command})" if job.command else "" for job, _ in failed]
     complain(*(f"{fail.reason}{more}" for (_, fail), more in zip(failed, again, strict=True)))

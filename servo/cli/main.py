@@ -85,8 +85,8 @@ def check() -> None:
 @click.argument(
     "source",
     type=opt.SOURCE,
-    help="A folder of images (also OTB, VOT, GOT-10k), a video, a bag (MCAP, ROS 1, ROS 2), "
-    "camera:0, or an address (rtsp, http, tcp, udp).",
+    help="A folder of images (also OTB, VOT, GOT-10k, LaSOT, TLD), a video, a bag (MCAP, ROS 1, "
+    "ROS 2), camera:0, or an address (rtsp, http, tcp, udp).",
 )
 @click.option(
     "--region",
@@ -147,7 +147,7 @@ def track() -> None:
     "suite",
     type=opt.SOURCE,
     help="clutter, hard_clutter, similarity, texture, camouflage, closed_loop, a folder of "
-    "sequences (OTB, VOT, GOT-10k), or a .toml file.",
+    "sequences (OTB, VOT, GOT-10k, LaSOT, TLD), or a .toml file.",
 )
 @click.option(
     "--trackers",

@@ -431,8 +431,8 @@ def followed(
 
 
 def camera_for(given: Given, width: int, height: int) -> Camera:
-    """Return the camera of a film: that of the calibration file, or a pinhole camera without
-    distortion with the horizontal field of view (60 deg if none is given).
+    """Return the camera [px] for the pictures of a film: that of the calibration file, or a pinhole
+    camera without distortion with the horizontal field of view of `given` [deg], or of 60 deg.
 
     Args:
         given: The options about log, film and camera.
