@@ -101,16 +101,19 @@ WALLS = {
     "test_vary",
 }
 """Files, or tests, that try every setting, input, scenario, scheme, kind or example, mostly in whole runs."""
-PLAIN_SHARE = 5
+PLAIN_SHARE = 10
 """The plain command runs one in so many of their cases, the same ones each time."""
+PLAIN_SECONDS = 0.7
+"""The plain command leaves out other tests that took as long or longer when they were timed [s]."""
 WIDE = "wide and not processes"
 """The option -m that asks for the others."""
 LAID_OUT = {"test_bench", "test_identify", "test_papers", "test_report", "test_run_numbers"}
 """Files whose figures are laid out as a user's, one for each kind of figure."""
 
 
-LONGEST_FIRST = json.loads((ROOT / "tests" / "data" / "durations.json").read_text())
-"""The longest test of each file in which one takes seconds, as tests/tools/durations.py wrote it."""
+LONG = json.loads((ROOT / "tests" / "data" / "durations.json").read_text())
+"""The long tests of each file, with the times that they took [s], as tests/tools/durations.py wrote
+them."""
 
 
 def pytest_xdist_auto_num_workers(config):
@@ -136,7 +139,8 @@ def pytest_ignore_collect(collection_path, config):
     if wanted == "processes":
         some = "mark.processes" in text
     elif wanted == WIDE:
-        some = "mark.wide" in text or any(collection_path.stem == w.split(":")[0] for w in WALLS)
+        named = {*LONG, *(wall.split(":")[0] for wall in WALLS)}
+        some = "mark.wide" in text or collection_path.stem in named
     else:
         some = True
     return None if some else True
@@ -156,11 +160,15 @@ def pytest_collection():
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    items.sort(key=lambda item: -LONGEST_FIRST.get(item.path.stem, 0.0))
+    longest = {file: max(tests.values()) for file, tests in LONG.items()}
+    items.sort(key=lambda item: -longest.get(item.path.stem, 0.0))
     for item in items:
         names = {item.path.stem, f"{item.path.stem}::{item.originalname}"}
-        is_case = hasattr(item, "callspec") and not WALLS.isdisjoint(names)
-        if is_case and zlib.crc32(item.nodeid.encode()) % PLAIN_SHARE:
+        if hasattr(item, "callspec") and not WALLS.isdisjoint(names):
+            is_plain = zlib.crc32(item.nodeid.encode()) % PLAIN_SHARE == 0
+        else:
+            is_plain = LONG.get(item.path.stem, {}).get(item.name, 0.0) < PLAIN_SECONDS
+        if not is_plain:
             item.add_marker("wide")
 
 
