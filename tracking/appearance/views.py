@@ -12,6 +12,7 @@ import numpy as np
 
 from sim.types import Array, Image
 from tracking.appearance.layout import lattice
+from tracking.appearance.turned_back import between_centres, turned_back
 from tracking.loops import view_correlation as loops
 from tracking.types import Region, State
 
@@ -135,24 +136,14 @@ class Views:
         coordinates to the picture's. Return None if the result would be larger than `LARGEST` or
         smaller than a view.
         """
-        c = math.cos(theta)
-        s = math.sin(theta)
         steps = scale / SIDE * np.array([self._region.width, self._region.height])
-        turn = np.array([[c, -s], [s, c]]) * steps
-        height, width = image.shape[:2]
-        corners = (
-            np.array([[0, 0], [width, 0], [0, height], [width, height]]) @ np.linalg.inv(turn).T
-        )
-        low = corners.min(axis=0)
-        size = np.ptp(corners, axis=0)
+        place, size = turned_back(image, theta, steps)
         if size.max() > LARGEST or size.min() < SIDE:
             return None
-        place = np.column_stack([turn, turn @ low])
-        centres = place.copy()
-        centres[:, 2] += turn @ [0.5, 0.5] - 0.5  # OpenCV counts from pixel centres
         shape = (round(size[0]), round(size[1]))
         flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
-        return np.asarray(cv2.warpAffine(image, centres, shape, flags=flags), np.uint8), place
+        small = cv2.warpAffine(image, between_centres(place), shape, flags=flags)
+        return np.asarray(small, np.uint8), place
 
     def _view(self, blurred: Image, state: State) -> Array:
         return loops.view(blurred, state.vector, self._points)[None]

@@ -13,9 +13,11 @@ import math
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.types import Array, Image
 from tracking.appearance.correlation_filter import CorrelationFilter
+from tracking.appearance.turned_back import between_centres, turned_back
 from tracking.loops import correlation_filter as loops
 from tracking.types import Region, State
 
@@ -41,7 +43,9 @@ ALIKE = 0.3
 PLACES = 5
 """Most places at which a lost target is searched."""
 LARGEST = 800
-"""Most points along a side of the whole picture; a larger one is not searched."""
+"""Most points along a side of the whole picture in a search."""
+LEAST_SIDE = 4
+"""Least points along a side of a template in a search: fewer tell nothing apart."""
 
 
 class Witness:
@@ -130,25 +134,33 @@ class Witness:
     def places(self, image: Image, last: State) -> list[State]:
         """Return up to five states anywhere in a picture at which the correlation with a template
         of the target is largest, and at least 0.3, the best first. The list is empty for a picture
-        that is too large to search (more than 800 template points along a side), or smaller than
-        the target.
+        that is smaller than the target. Where a template's points would make the picture larger
+        than 800 points along a side, both have fewer points.
 
         Args:
             image: The picture, RGB (H, W, 3).
-            last: Last state of the target, whose angle and size the results have. The search itself
-                does not turn the template.
+            last: Last state of the target, whose angle and size are searched, and which the results
+                have.
         """
-        height, width = image.shape[:2]
-        rows, columns = self._shape
+        templates, (rows, columns) = self._templates.astype(np.float32), self._shape
         size = last.scale * np.array([self._region.width, self._region.height])
-        points = np.round((width, height) / size * (columns, rows)).astype(int).tolist()
-        if max(points) > LARGEST or points[0] < columns or points[1] < rows:
+        place, points = turned_back(image, last.theta, size / (columns, rows))
+        if (coarser := float(points.max()) / LARGEST) > 1:
+            rows, columns = (max(round(side / coarser), LEAST_SIDE) for side in self._shape)
+            templates = [
+                cv2.resize(
+                    template.reshape(self._shape), (columns, rows), interpolation=cv2.INTER_AREA
+                )
+                for template in templates
+            ]
+            place, points = turned_back(image, last.theta, size / (columns, rows))
+        shape = np.round(points).astype(int).tolist()
+        if shape[0] < columns or shape[1] < rows:
             return []
-        grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-        small = cv2.resize(grey, points, interpolation=cv2.INTER_AREA).astype(np.float32)
+        small, place = _reduced(image, last.theta, place, shape)
         maps = [
             cv2.matchTemplate(small, template.reshape(rows, columns), cv2.TM_CCOEFF_NORMED)
-            for template in self._templates.astype(np.float32)
+            for template in templates
         ]
         alike = np.nan_to_num(np.max(maps, axis=0), posinf=-1)
         found: list[State] = []
@@ -156,7 +168,7 @@ class Witness:
             _, value, _, (x, y) = cv2.minMaxLoc(alike)
             if value < ALIKE:
                 break
-            u, v = (x + columns / 2) / points[0] * width, (y + rows / 2) / points[1] * height
+            u, v = (place @ [x + columns / 2, y + rows / 2, 1.0]).tolist()
             found.append(State(u, v, last.theta, last.scale))
             # Not the same peak again.
             left, top = max(x - columns // 2, 0), max(y - rows // 2, 0)
@@ -204,6 +216,33 @@ class Witness:
         levels -= levels.mean()
         norm = float(np.linalg.norm(levels))
         return levels / norm if norm > loops.LEAST else np.zeros_like(levels)
+
+
+def _reduced(
+    image: Image, theta: float, place: Array, shape: tuple[int, int]
+) -> tuple[NDArray[np.float32], Array]:
+    """Return the grey levels of a picture, reduced and turned back by an angle, and the affine
+    matrix (2, 3) from their coordinates to the picture's [px].
+
+    Args:
+        image: The picture, RGB (H, W, 3).
+        theta: The angle [rad].
+        place: The affine matrix for this angle, before the size was rounded.
+        shape: Width and height of the result.
+    """
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+    if theta == 0:
+        small = cv2.resize(grey, shape, interpolation=cv2.INTER_AREA)
+        height, width = grey.shape
+        return small.astype(np.float32), np.diag([width / shape[0], height / shape[1], 1.0])[:2]
+    # Each point is the mean of about as many pixels as it stands for.
+    steps = np.linalg.norm(place[:, :2], axis=0)
+    blurred = cv2.blur(grey, [max(int(step), 1) for step in steps])
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    small = cv2.warpAffine(
+        blurred, between_centres(place), shape, flags=flags, borderMode=cv2.BORDER_REPLICATE
+    )
+    return small.astype(np.float32), place
 
 
 def _span(middle: float, radius: float, most: int, shrink: int) -> tuple[int, int]:
