@@ -310,6 +310,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return step.estimate.status is Status.LOST or not inside
 
     def _info(self, step: Step) -> dict[str, Any]:
+        assert self._episode is not None
         distances = step.corner_errors
         distance = float(distances.mean())
         depth = {} if step.frame.depth is None else {"depth": step.frame.depth}
@@ -323,7 +324,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             "servo_error_px": step.servo_error,
             "tracking_error_px": step.tracking_error,
             "status": step.estimate.status.name,
-            "twist": step.command.twist,
+            "twist": self._episode.law_twist.copy(),
             "joints": step.joints,
             "T_object_camera": _matrix(step.T_object_camera),
             "T_object_goal": _matrix(step.T_object_goal),

@@ -158,7 +158,9 @@ class Stage:
             camera = eye()
             point = target.translation + BOARD_NEARNESS * (camera.translation - target.translation)
             across = camera.rotation @ np.array([effect.board, 0.0, 0.0])
-            board = Pose(np.eye(3), point + across)
+            # Above the table it is level. A camera in the room may look from the side: across that.
+            level = isinstance(self._mounting, CameraInHand)
+            board = Pose(np.eye(3) if level else camera.rotation, point + across)
         self._put(data, BOARD, board)
         if SECOND in self._mocap:
             self._put(data, SECOND, effect.second or BELOW)

@@ -295,6 +295,7 @@ class World:
         Raises:
             Unstable: The simulated physics diverged.
         """
+        self._pictures = []  # those of an interval that nobody looked at are of no use
         before = self.robot.eye(self.data)
         each = twists if twists.ndim == 2 else [twists] * len(self.ticks)
         slowed_by = dict[str, None]()
@@ -310,7 +311,7 @@ class World:
                 slowed_by |= dict.fromkeys(limits)
                 accepted.append(made * self.shares[update])
                 self._rates = rates
-                self.data.ctrl[:] = self._known.driven(rates, hold)
+                self.data.ctrl[self.robot.drives] = self._known.driven(rates, hold)
             mujoco.mj_step(self.model, self.data, until - k)
         if self.data.warning.number[UNSTABLE].any():
             fastest = np.linalg.norm(np.reshape(each, (-1, 2, 3)), axis=2).max(axis=0)

@@ -224,3 +224,15 @@ def test_a_record_of_more_than_a_gigabyte_is_not_read(tmp_path, length, is_said)
     with pytest.raises(ValueError) as refused:
         Bag(path, None)
     assert ("exceeds limit" in str(refused.value)) is is_said, str(refused.value)
+
+
+def test_the_rate_is_that_of_the_pictures_not_of_the_whole_recording(tmp_path):
+    def make(store):
+        rows = [(30.0 + k / 10, 0.0) for k in range(6)]
+        return [(at, bags.RAW, bags.raw(store, s, full(77), "mono8")) for at, s in rows]
+
+    def long(store):
+        return [(at, bags.RAW, bags.raw(store, 0.0, full(77), "mono8")) for at in (0.0, 90.0)]
+
+    bag = Bag(bags.write(tmp_path / "log.mcap", {"/eye": make, "/other": long}), "/eye")
+    assert bag.rate == pytest.approx(10.0)

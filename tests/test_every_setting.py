@@ -324,7 +324,7 @@ TWO_JOINTS = (
     "start={}",
 )
 FEW = "the robot has fewer than six joints, and the joints decide which components can move"
-NO_CHOICE = "no more components of the twist may move than features need, so weights decide nothing"
+NO_SIZE = "this tracker does not follow the size, so the surroundings are not compared"
 INVERTS = "this feature set computes the twist from the error by an inverse of its own"
 BROYDEN = ("controller.kind=broyden",)
 POSE = ("features.kind=pose", "tracker.corners=true")
@@ -343,7 +343,11 @@ PIXELS = ("features.kind=photometric", "estimator.kind=none")
         ((*TWO_JOINTS, "controller.kind=qp"), 'controller.dof=["wx"]', FEW),
         (("features.kind=weighted", "tracker.corners=true"), 'controller.dof=["vx"]', INVERTS),
         (("features.kind=partitioned", "tracker.corners=true"), 'controller.dof=["vx"]', INVERTS),
-        (("features.kind=partitioned",), "controller.weights=[1, 1, 1, 1, 1, 0.2]", NO_CHOICE),
+        (
+            ("features.kind=partitioned", "tracker.corners=true"),
+            "controller.weights=[1, 1, 1, 1, 1, 0.2]",
+            INVERTS,
+        ),
         (
             PIXELS,
             "sight.depth=known",
@@ -367,6 +371,13 @@ PIXELS = ("features.kind=photometric", "estimator.kind=none")
         (BROYDEN, "sight.depth=known", LEARNS),
         (POSE, "sight.plane=known", CORNERS),
         (("features.kind=points", POSE[1]), "sight.depth=known", CORNERS),
+        (("tracker.kind=sok",), "tracker.contrast=5.0", NO_SIZE),
+        (("tracker.kind=mean_shift",), "tracker.contrast=5.0", NO_SIZE),
+        (
+            (),
+            "camera.readout_ms=0.5",
+            "it is shorter than half a physics step: raise world.physics_rate",
+        ),
         (("goal.depth_to=0.7",), "goal.change_start=2", "the run ends before goal.change_start"),
         (
             ("tracker.kind=cv_mil",),
@@ -389,6 +400,14 @@ def test_what_other_settings_leave_without_effect_is_said(changes, setting, why)
     assert f"{name} has no effect" not in seen(changes)[1]
 
 
+@pytest.mark.parametrize("kind", ["kams", "annealed"])
+def test_gamma_is_said_to_cancel_in_the_schedule_of_survival(kind):
+    said = 'tracker.gamma has no effect: with tracker.schedule = "survival" the exponents'
+    given = f"tracker.kind={kind}", "tracker.gamma=5"
+    assert said in seen(given)[1]
+    assert said not in seen((*given, "tracker.schedule=fixed"))[1]
+
+
 FREE = ("robot.kind=free", "controller.feed_forward=[]", "run.duration=0.3")
 
 
@@ -401,6 +420,8 @@ FREE = ("robot.kind=free", "controller.feed_forward=[]", "run.duration=0.3")
         (("features.kind=hybrid",), "sight.depth=known"),
         ((*POSE, "camera.depth=true"), "sight.depth=picture"),
         (PIXELS, "believed.depth_factor=1.3"),
+        (("tracker.kind=kams", "tracker.schedule=fixed"), "tracker.gamma=5.0"),
+        (("tracker.kind=mean_shift", "tracker.scale=true"), "tracker.contrast=5.0"),
     ],
 )
 def test_what_has_an_effect_is_not_said_to_have_none(changes, setting):

@@ -143,3 +143,35 @@ def test_a_tilt_that_no_tracker_reports_is_told_and_is_not_converged():
     with Episode(seen) as episode:
         assert not remarks(episode)
     assert measured_run(seen)[1].outcome is Outcome.CONVERGED
+
+
+def test_what_changes_no_feature_is_a_twist_that_the_joints_can_make():
+    rng = np.random.default_rng(5)
+    L, J = rng.normal(size=(2, 6)), rng.normal(size=(6, 4))
+    free = Inverse.through_joints(L, np.ones(2, bool), J).free
+    np.testing.assert_allclose(L @ free, 0, atol=1e-12)
+    np.testing.assert_allclose(free, J @ np.linalg.lstsq(J, free, rcond=None)[0], atol=1e-12)
+    assert np.linalg.matrix_rank(free) == 2
+    two = Inverse.through_joints(L, np.ones(2, bool), J[:, :2]).free
+    np.testing.assert_allclose(two, 0, atol=1e-12)  # nothing is left of two joints
+
+
+def test_a_component_of_weight_0_stands_in_secondary_tasks_too():
+    rng = np.random.default_rng(6)
+    weights = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 1.0])
+    inverse = Inverse.of(rng.normal(size=(2, 6)), np.ones(2, bool), np.ones(6, bool), weights)
+    assert (inverse.free @ np.eye(6)[:, 3:5] == 0).all()
+    assert np.abs(inverse.free[:, 0]).max() > 0.1
+
+
+@pytest.mark.wide
+@pytest.mark.parametrize("margin", [40.0, 80.0])
+def test_two_joints_keep_the_view_by_twists_that_they_can_make(margin):
+    """Twists of the other directions would do nothing, and the target left the view."""
+    changes = ["motion.kind=still", "goal.x=100", "run.duration=3", "measure.after=1"]
+    changes += ["controller.kind=qp", f"controller.margin={margin}", "expect={}"]
+    steps, report = measured_run(load("scara_line", changes))
+    assert report.outcome in (Outcome.CONVERGED, Outcome.TIMED_OUT)
+    corners, camera = steps[-1].truth.corners, steps[-1].scene.camera
+    room = min(corners.min(), (np.array([camera.width, camera.height]) - corners).min())
+    assert room > margin - 1

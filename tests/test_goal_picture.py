@@ -237,8 +237,20 @@ def test_a_homography_of_any_scale_is_linearised_if_it_is_near_the_identity(scal
         np.testing.assert_allclose(R, np.eye(3), atol=1e-6)
 
 
+@pytest.mark.parametrize("shift", [0.0, 5e-4])
+@pytest.mark.parametrize("axis", range(3))
+def test_a_pure_rotation_is_a_motion(axis, shift):
+    """OpenCV gives no plane for one, nor for one with a very small translation."""
+    turn = exp_so3(0.6 * np.eye(3)[axis])
+    t = shift * np.array([0.6, 0.0, 0.8])
+    R, found, _ = PlaneMotion().of(turn + np.outer(t, [0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(R, turn, atol=1e-5)
+    np.testing.assert_allclose(found, t, atol=1e-5)
+
+
 def test_a_plane_behind_a_camera_has_no_motion():
     flip = np.diag([1.0, -1.0, -1.0])
+    assert PlaneMotion().of(flip) is None
     assert PlaneMotion().of(flip + np.outer([0.1, 0.0, 0.1], [0.0, 0.0, 1.0])) is None
 
 

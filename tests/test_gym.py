@@ -131,6 +131,18 @@ def test_an_action_moves_the_camera_after_the_delay():
     assert moved[0] != pytest.approx(moved[1], abs=3)
 
 
+@pytest.mark.parametrize("action", ["twist", "residual"])
+def test_the_laws_twist_is_told_also_where_it_has_not_decided_anew(action):
+    overrides = ["run.tracker_ms=50", "run.duration=0.5"]
+    env = made(scenario="line", action=action, overrides=overrides)
+    actions = np.full((10, 4), 0.3, np.float32)
+    twists = np.array([info["twist"] for _, _, info in steps_of(env, actions, seed=0)])
+    added = 0.3 * 0.2
+    assert np.abs(twists[2:, 0] - added).min() > 1e-3
+    again = np.abs(np.diff(twists, axis=0)).max(axis=1) == 0
+    assert again.any()  # a frame without a decision tells the twist of the last one
+
+
 def test_the_reward_is_half_at_ten_pixels():
     env = made(
         scenario="still",

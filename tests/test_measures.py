@@ -343,3 +343,34 @@ def test_corners_on_the_border_of_the_picture_are_in_view(steps):
         beyond = border.astype(float)
         beyond[k, axis] += 1e-6 * way
         assert seen(beyond) == 100
+
+
+def test_a_perfect_tracker_has_no_error_in_frames_that_were_dropped():
+    changes = ["tracker.kind=truth", "controller.kind=hold", "run.duration=2", "measure.after=0"]
+    changes += ["vary={}", "expect={}", "disturbances.0.start=0.2", "disturbances.0.share=0.5"]
+    steps, found = measured_run(load("dropped_frames", changes))
+    assert not all(step.frame.fresh for step in steps)
+    assert found.measures["tracking_rms_px"] == pytest.approx(0, abs=1e-9)
+
+
+def test_a_target_behind_the_camera_is_neither_in_view_nor_at_its_goal():
+    changes = ["robot.kind=free", "tracker.kind=truth", "controller.kind=hold", "vary={}"]
+    scenario = load(
+        "still", [*changes, "start.x=0", "run.duration=2.5", "measure.after=0", "expect={}"]
+    )
+    with Episode(scenario, steered=True) as episode:
+        ahead = np.array([0.0, 0.0, 0.6, 0.0, 0.0, 0.0])
+        steps = [episode.move(episode.look(), ahead) for _ in range(episode.frames)]
+    behind = [step.truth.depth < 0 for step in steps]
+    assert 10 < sum(behind) < len(behind) - 10
+    found = summarise(steps, scenario.measure, scenario.period)
+    assert found.measures["out_of_view_pct"] > 100 * np.mean(behind)
+    assert found.measures["servo_rms_px"] == np.inf
+
+
+@pytest.mark.parametrize("features", ["homography", "photometric"])
+def test_a_law_on_pixels_is_not_at_its_goal_at_another_distance(features):
+    changes = [f"features.kind={features}", "tracker.kind=frozen", "start={scale=1.6}", "vary={}"]
+    changes += ["estimator.kind=none", "controller.gain=0.001", "run.duration=1.2", "expect={}"]
+    _, found = measured_run(load("still", changes))
+    assert (found.outcome, found.off) == (Outcome.TIMED_OUT, ("size 60 %",))

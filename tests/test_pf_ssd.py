@@ -195,3 +195,17 @@ def test_every_tracker_of_colours_may_see_them_evenly_lit(kind):
     even, plain = (track(config(even=e), frames + dim)[-1].distance for e in (True, False))
     assert even < 0.5
     assert plain > even + 0.2
+
+
+@pytest.mark.parametrize("settings", [{}, {"turn_noise": 0.0}])
+def test_the_angle_of_a_disc_stays(settings):
+    def disc(x):
+        rows, columns = np.mgrid[0:160, 0:240] + 0.5
+        image = np.full((160, 240, 3), 120.0)
+        image[np.hypot(columns - x, rows - 80) < 20] = (200, 40, 30)
+        return image.astype(np.uint8)
+
+    tracker = Config(**settings).build(np.random.default_rng(0))
+    tracker.start(Frame(disc(100.0), 0.0, 0), Region(44.0, 44.0), State(100.0, 80.0))
+    angles = [tracker.update(Frame(disc(100 + i / 2), i / 30, i)).state.theta for i in range(1, 40)]
+    assert np.abs(angles).max() < 1e-12

@@ -321,3 +321,18 @@ def test_a_mask_that_is_none_is_refused(tmp_path, line, message):
     with pytest.raises(ValueError) as refused:
         truth.read(written(tmp_path, line))
     assert str(refused.value) == message
+
+
+def test_frames_that_got10k_marks_absent_have_no_target(tmp_path):
+    lines = "11,21,5,6\n-1,-1,-1,-1\n12,22,5,6\n"
+    path = written(tmp_path, lines, "groundtruth.txt")
+    written(tmp_path, "x", "meta_info.ini")
+    written(tmp_path, "0\n1\n1\n", "absence.label")
+    found = truth.read(path)
+    assert found[0, 0].tolist() == [10, 20]
+    assert np.isnan(found[1:]).all()
+    written(tmp_path, "0\n1\n", "absence.label")
+    with pytest.raises(
+        ValueError, match=r"absence\.label: expected 3 numbers 0 or 1, one for each"
+    ):
+        truth.read(path)

@@ -70,6 +70,15 @@ def test_estimates_of_a_log_are_interpolated_and_unknown_outside_of_it(tmp_path)
     assert recorded(pa.table({"time_s": [0.0]}), tmp_path, np.zeros(1)) is None
 
 
+def test_an_estimate_in_a_runs_log_is_of_its_own_picture(tmp_path):
+    """It became known later than the next picture was taken."""
+    frames = np.arange(6)
+    columns = {"time_s": frames / 10, "frame": frames, "picture": [0, 0, 0, 2, 2, 4]}
+    place = {"estimated_x_px": [0.0, 0, 0, 20, 20, 40], "estimated_y_px": [4.0] * 6}
+    found = recorded(pa.table(columns | place), tmp_path, np.array([0.0, 0.2, 0.3, 0.4]))
+    np.testing.assert_allclose(found[:, 0], [0.0, 20.0, 30.0, 40.0])
+
+
 @pytest.mark.wide
 def test_twin_says_until_when_another_tracker_would_have_seen_the_same_pictures(tmp_path):
     canvas = np.random.default_rng(0).integers(0, 255, (30, 40, 1), np.uint8)

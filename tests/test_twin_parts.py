@@ -54,6 +54,8 @@ from servo.twin.verdict import (
     second_axes,
 )
 from servo.twin.wiggle import rates, swings
+from sim.camera.distortion import Distortion
+from sim.camera.lens import Lens
 from sim.types import Camera, Pose
 from tracking.sequences.sources import Picture
 
@@ -919,3 +921,22 @@ def test_a_replay_of_simulated_pictures_differs_by_nothing(tmp_path):
     assert drawn[1] == pytest.approx([20, 20], abs=1)
     assert notes[2:] == ["20.0 levels"] * 2
     assert (tmp_path / "replay.mp4").stat().st_size > 2000
+
+
+def test_a_replay_has_the_lens_of_the_films_camera(tmp_path):
+    bent = replace(CAMERA, distortion=Distortion("plumb_bob", (-0.35, 0.12, 0.0, 0.0, 0.0)))
+    lens = Lens(bent)
+    with Episode(load("still"), seen=False) as episode:
+        scene = SceneCamera(episode, lens.view)
+        eye = Pose(np.diag([1.0, -1, -1]), np.array([0.0, 0, 0.6]))
+        seen = lens.bend(scene.picture(eye, 0.5))
+        scene.close()
+        film = [Picture("", 0.75, seen)]
+        folder = tmp_path / "bent", tmp_path / "straight"
+        for each in folder:
+            each.mkdir()
+        (same,), (other,) = (
+            write_replay(film, 0.25, compared(), camera, None, episode, at, lambda _: None)
+            for camera, at in zip((bent, CAMERA), folder, strict=True)
+        )
+    assert same < 0.5 < other

@@ -178,6 +178,12 @@ def test_joints_become_the_cameras_poses_by_the_scenarios_robot(tmp_path):
     assert is_camera(log_table(path, "line", None, None), path, "line")
     given = Given(path, "", "line")
     np.testing.assert_array_equal(stated_mount(given, given.table()).rotation, np.eye(3))
+    # A gripper's joint does not move the camera, and may have a row in seven.
+    gripper = np.where(np.arange(len(EVEN)) % 7 == 0, EVEN, np.nan)
+    with_gripper = written(tmp_path, {"joint_gripper_rad": gripper} | columns)
+    again = read(with_gripper, "line").smooth
+    assert again.names == tuple(names)
+    np.testing.assert_array_equal(again.times, smooth.times)
     del columns[names[0]]
     assert refused(tmp_path, columns, "line") == (
         f"the robot of 'line' has joints that the log lacks: {names[0]}"

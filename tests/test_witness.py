@@ -151,3 +151,29 @@ def test_a_jump_needs_certainty_and_a_lead():
     assert not verdict.convinces(poor, poor)
     assert not verdict.convinces(good, good)
     assert verdict.logit(poor) < verdict.logit(fair) < verdict.logit(good)
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 90])
+def test_a_lost_target_is_searched_with_its_angle(degrees):
+    """The region need not lie along the picture's sides."""
+    sequence = painted()
+    image = next(iter(sequence.source)).image
+    place, theta = sequence.start, np.radians(degrees)
+    witness = Witness(image, sequence.region, State(place.x, place.y, theta))
+    found = witness.places(image, State(20.0, 30.0, theta))
+    assert np.hypot(found[0].x - place.x, found[0].y - place.y) < 2.5
+    assert found[0].theta == theta
+
+
+def test_a_small_target_is_searched_in_a_large_picture_with_fewer_points():
+    sequence = painted()
+    image = next(iter(sequence.source)).image
+    large = np.tile(np.full_like(image, 90), (9, 12, 1))
+    height, width = image.shape[:2]
+    large[3 * height : 4 * height, 5 * width : 6 * width] = image
+    place = sequence.start
+    small = Region(16.0, 16.0)
+    there = State(5 * width + place.x, 3 * height + place.y)
+    witness = Witness(large, small, there)
+    found = witness.places(large, State(20.0, 30.0))
+    assert min(np.hypot(each.x - there.x, each.y - there.y) for each in found) < 6

@@ -40,7 +40,8 @@ class ParticleSettings:
     noise: Spread = 0.15
     """Standard deviation of position per frame, as a share of the target's size."""
     turn_noise: Turn = 0.0
-    """Standard deviation of theta per frame [rad]; 0: the tracker does not follow the angle."""
+    """Standard deviation of theta per frame [rad]; 0: the particles do not turn, and the angle does
+    not count as followed."""
     scale_noise: Share = 0.0
     """Standard deviation of ln scale per frame; 0: the tracker does not follow the size."""
     velocity_memory: Share = 0.5

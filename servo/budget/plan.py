@@ -21,6 +21,13 @@ from tracking.types import SEES_PICTURES, Trait, traits_of
 
 TOGETHER = "together"
 NOTHING = "nothing wrong"
+BY_NAME = {source.name: source for source in SOURCES}
+NO_OTHER_DELAY: Table = {
+    "run.tracker_ms": 0.0,
+    "run.jitter_ms": 0.0,
+    "believed.clock_offset_ms": 0.0,
+}
+"""Settings that leave only the delay that `run.latency` or `run.latency_ms` gives."""
 LAST = 1.0
 """Time at the end over which the error in the picture is averaged [s]."""
 
@@ -100,6 +107,7 @@ class Plan:
             seed: Seed of the run, which also draws the signs and directions of errors.
         """
         corners = Trait.CORNERS in (traits_of(self.scenario.tracker) or ())
+        names = [source.name for source in wrong]
         found: Table = {}
         if SOURCES[0] not in wrong:
             found = {"tracker.kind": "truth", "tracker.corners": corners}
@@ -110,9 +118,12 @@ class Plan:
             elif source.name == RESOLUTION:
                 found |= coarser(self.base.parsed(seed, {}), self.magnitude(source))
             elif not stays:
-                found |= source.settings(self.magnitude(source), seed)
-        is_late = DELAY in [source.name for source in wrong]
-        return found if is_late else found | {"run.tracker_ms": 0.0}
+                # A coarser picture divides what the scenario has in px, and this too.
+                scale = self.magnitude(BY_NAME[RESOLUTION]) if RESOLUTION in names else 1.0
+                size = self.magnitude(source) / (scale if source.unit == "px" else 1.0)
+                found |= source.settings(size, seed)
+        is_late = DELAY in names and DELAY not in self.stated and self.own[DELAY] > 0
+        return found if is_late else found | NO_OTHER_DELAY
 
     def alone(self, source: Source) -> tuple[Source, ...]:
         """Return the sources of error that act where one is tried alone: the source itself, and

@@ -75,7 +75,10 @@ class Source:
         source's unit; 0 if the scenario is ideal, and for the tracker and the resolution.
         """
         if self.name == DELAY:
-            return 1e3 * scenario.run.frames_late(1 / scenario.camera.rate) / scenario.camera.rate
+            run = scenario.run
+            period = 1e3 / scenario.camera.rate
+            tracking = 0.0 if isinstance(run.tracker_ms, str) else run.tracker_ms
+            return period * run.frames_late(period / 1e3) + tracking
         settings: dict[str, Any] = flat(scenario.settings(), scenario.name)
         off: list[Array] = [
             np.ravel(settings.get(key, ideal)) - np.ravel(ideal)

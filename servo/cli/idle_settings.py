@@ -1,8 +1,9 @@
 """Warnings about settings that a user gave and that have no effect because of other settings."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import product
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,10 +15,12 @@ from servo.parts import OwnInverse
 from servo.scenario.draws import flat
 from servo.scenario.load import Scenario
 from servo.scenario.tables import TABLES
+from servo.scenario.toml import Table
 from servo.types import DOF, Sight
 from sim.camera import gl
 from sim.channels import Channel, needs_of
 from sim.kinds import kind_of
+from sim.timing import Rates, exposures
 from sim.types import Effect
 from tracking.types import SEES_PICTURES, Trait, traits_of
 
@@ -235,6 +238,26 @@ def _size_is_seen(s: Setup) -> bool:
     return is_taken or not of_pixels
 
 
+def _rolls(s: Setup) -> bool:
+    """Return whether the rows of a picture are exposed one after the other, by a whole number of
+    physics steps.
+    """
+    steps = Rates.of(s.world.physics_rate, s.world.drive_rate, s.camera.rate).steps
+    return len(exposures(s.camera, steps)) > 1
+
+
+def _of_tracker(s: Setup) -> Table:
+    """Return the settings of a scenario's tracker by their names; none of one that is no
+    dataclass.
+    """
+    try:
+        return asdict(cast(Any, s.tracker))
+    except TypeError:
+        return {}
+
+
+CLIMBS = ("mean_shift", "sok", "texture_ms")
+"""Trackers that climb by mean shift; they compare the surroundings only for the size."""
 FEW = "the robot has fewer than six joints, and the joints decide which components can move"
 INVERTS = "this feature set computes the twist from the error by an inverse of its own"
 DRAWN = "the pictures are those of a recording, in which nothing is drawn"
@@ -301,6 +324,21 @@ NEEDS = (
         ("ground.tile",),
         _of_scenario(lambda s: s.ground.kind != "wood"),
         "the texture wood covers the whole table once and is not repeated",
+    ),
+    Need(
+        ("camera.readout_ms",),
+        _of_scenario(lambda s: not s.camera.readout_ms or _rolls(s)),
+        "it is shorter than half a physics step: raise world.physics_rate",
+    ),
+    Need(
+        ("tracker.gamma",),
+        _of_scenario(lambda s: _of_tracker(s).get("schedule") != "survival"),
+        'with tracker.schedule = "survival" the exponents of the layers cancel it',
+    ),
+    Need(
+        ("tracker.contrast",),
+        _of_scenario(lambda s: kind_of(s.tracker) not in CLIMBS or _of_tracker(s).get("scale")),
+        "this tracker does not follow the size, so the surroundings are not compared",
     ),
     Need(
         ("camera.bands",),

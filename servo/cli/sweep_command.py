@@ -185,7 +185,7 @@ def _sum_up(study: Study, store: Store, console: Console, measures: Sequence[str
     paths.append(store.write("cells.csv", cells_csv(study, cells)))
     if pairs:
         paths.append(store.write("comparisons.csv", csv_text(COMPARED, [c.cells for c in pairs])))
-        for c in [c for c in pairs if c.p_holm < 0.05][:10]:
+        for c in [c for c in pairs if c.p_holm < 0.05 and c.test.wins > c.test.losses][:10]:
             console.print(
                 f"{escape(str(c.first))} succeeds more often than {escape(str(c.second))}: "
                 f"in {c.test.wins} {c.unit}s against {c.test.losses}, p = {c.p_holm:.2g} after Holm"

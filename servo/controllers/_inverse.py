@@ -38,13 +38,17 @@ class Inverse:
     """The interaction matrix (k, 6) itself."""
     moves: NDArray[np.bool_]
     """Degrees of freedom (6,) that may move."""
+    span: Array | None = None
+    """Camera twists (6, n) that span those of the joints; None: the joints make any twist."""
 
     @property
     def free(self) -> Array:
         """Projection I - L# L (6, 6), which maps a camera twist to its part that changes no servoed
-        feature. Rows and columns of degrees of freedom that may not move are zero.
+        feature and that the joints can make. Rows and columns of degrees of freedom that may not
+        move are zero.
         """
-        return (np.eye(len(self.moves)) - self.pseudo @ self.L) * self.moves
+        free = (np.eye(len(self.moves)) - self.pseudo @ self.L) * self.moves
+        return free if self.span is None else free @ self.span @ np.linalg.pinv(self.span)
 
     @staticmethod
     def through_joints(L: Array, rows: NDArray[np.bool_], jacobian: Array) -> "Inverse":
@@ -60,7 +64,7 @@ class Inverse:
         """
         pseudo = np.zeros(L.shape[::-1])
         pseudo[:, rows] = jacobian @ _pinv(L[rows] @ jacobian)
-        return Inverse(pseudo, L, np.ones(len(DOF), bool))
+        return Inverse(pseudo, L, np.ones(len(DOF), bool), jacobian)
 
     @staticmethod
     def of(
@@ -84,7 +88,7 @@ class Inverse:
         w = weights[moving] / (weights[moving].max(initial=0.0) or 1.0)
         pseudo = np.zeros(L.shape[::-1])
         pseudo[moving[:, None], known] = w[:, None] * _pinv(L[known[:, None], moving] * w)
-        return Inverse(pseudo, L, moves)
+        return Inverse(pseudo, L, moves & (weights > 0))
 
 
 def takes_own_inverse(known: NDArray[np.bool_], *, tilt_seen: bool) -> bool:

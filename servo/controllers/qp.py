@@ -37,9 +37,11 @@ from numpy.typing import NDArray
 
 from servo.controllers import ibvs
 from servo.controllers._bounds import UNBOUNDED, Bounds, joint_bounds, speed_bounds, view_bounds
+from servo.controllers._inverse import RANK_TOLERANCE
 from servo.controllers._law_settings import LawSettings
 from servo.controllers._limits import DesiredTwist, LimitedTwist, excess
 from servo.parts import Task
+from servo.types import DOF
 from sim.types import Array
 
 SOFT = 8
@@ -157,10 +159,11 @@ def _change(
     """
     if not desired.moves.any():
         return -law, bounds.excess(law)
-    # The unknown of the programme is the change from the law's twist.
-    L = desired.L[:, desired.moves]
-    A = np.ascontiguousarray(bounds.A[:, desired.moves])
-    n = L.shape[1]
+    # The unknown of the programme is the change from the law's twist, in the basis B.
+    B = _basis(desired)
+    L = desired.L @ B
+    A = np.ascontiguousarray(bounds.A @ B)
+    n = B.shape[1]
     at = bounds.A @ law
     H = L.T @ L + DAMPING * np.eye(n)
     found, _, flag, info = daqp.solve(
@@ -168,6 +171,15 @@ def _change(
     )
     if flag <= 0:
         return -law, bounds.excess(law)
-    change = np.zeros(6)
-    change[desired.moves] = found
-    return change, info["lam"]
+    return B @ found, info["lam"]
+
+
+def _basis(desired: DesiredTwist) -> Array:
+    """Return unit vectors (6, n) that span the twists which may change: those of the degrees of
+    freedom that may move, or, for a robot with fewer than six joints, what its joints can make.
+    """
+    jacobian = desired.posture.jacobian
+    if not 0 < jacobian.shape[1] < len(DOF):  # 0: a robot that takes any twist
+        return np.eye(len(DOF))[:, desired.moves]
+    basis, strengths, _ = np.linalg.svd(jacobian, full_matrices=False)
+    return basis[:, strengths > RANK_TOLERANCE * strengths[0]]

@@ -443,7 +443,11 @@ def _channel(
     is_behind = bool(np.isfinite(joint).any())
     moved = next((each for each in (joint, encoder) if np.isfinite(each).any()), None)
     if moved is None:
-        moved = np.cumsum(np.diff(time, prepend=time[0]) * measured)
+        # Each is the mean since the last row that has one.
+        known = np.isfinite(measured)
+        since = np.diff(time[known], prepend=time[known][:1])
+        moved = empty.copy()
+        moved[known] = np.cumsum(since * measured[known])
     return LogChannel(
         name,
         unit,

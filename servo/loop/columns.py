@@ -132,6 +132,10 @@ def _range_used(step: Step) -> float:
 def _out_of_view(step: Step) -> bool:
     camera = step.scene.camera
     corners = step.truth.corners
+    T_camera_target = step.truth.T_world_camera.inverse() @ step.truth.T_world_target
+    # The projection of a corner behind the camera may lie inside the picture.
+    if (T_camera_target.apply(step.scene.outline)[:, 2] <= 0).any():
+        return True
     return bool(((corners < 0) | (corners > (camera.width, camera.height))).any())
 
 
@@ -142,7 +146,9 @@ def _seconds(step: Step) -> tuple[float, ...]:
 
 NUMBERS: dict[str, Callable[[Step], object]] = {
     "time": lambda s: s.frame.time,
-    "servo": lambda s: s.servo_error,
+    "servo": lambda s: s.servo_error if s.truth.depth > 0 else np.inf,
+    "fresh": lambda s: s.frame.fresh,
+    "picture": lambda s: s.picture - s.frame.index,
     "turned": lambda s: s.truth.theta - s.goal.theta,
     "size": lambda s: s.truth.size,
     "goal_size": lambda s: s.goal.size,

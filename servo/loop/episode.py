@@ -441,6 +441,13 @@ class Episode:
         """
         return self._timeline.latest.decision.sight
 
+    @property
+    def law_twist(self) -> Array:
+        """Camera twist (6,) of the law's last decision, in the camera frame [m/s, rad/s], whether
+        or not another one acts in its place.
+        """
+        return self._timeline.latest.decision.command.twist
+
     def _next_moment(self, index: int) -> Moment | None:
         """Advance the world by one frame interval ahead of the loop, unless it is ahead already,
         begin to render the next picture, and return its moment, so that the loop works meanwhile.

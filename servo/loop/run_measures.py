@@ -109,7 +109,8 @@ def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: fl
     grown = 100 * (run["size"] / run["goal_size"] - 1)
     velocities = _velocities(run["carried"], period)
     late_turned, late_grown = turned[counted], grown[counted]
-    estimated = counted & run["decided"]  # a repeated estimate counts once
+    # A repeated estimate counts once.
+    estimated = counted & run["decided"] & _of_pictures(run)
     estimated = estimated if estimated.any() else counted
     tracked = run["tracking"][estimated]
     values = {
@@ -306,11 +307,22 @@ def _ends_a_range(limit: str) -> bool:
     return limit.endswith("(range)")
 
 
+def _of_pictures(run: Columns) -> NDArray[np.bool_]:
+    """Return True (n,) for each step whose estimate is of a picture, not repeated for a frame that
+    was dropped.
+    """
+    count = len(run["fresh"])
+    of = np.arange(count) + run["picture"].astype(int)
+    return np.where(of < 0, True, run["fresh"][np.maximum(of, 0)])
+
+
 def _off(step: Step) -> dict[str, float]:
     """Return the servoed quantities ("centre" [px], "angle" [deg], "size" [%], "orientation" [deg])
     that are too far from the goal for convergence, each with its distance from the goal.
     """
     angle, size = step.servoed
+    # Pixels determine the distance, too, whatever a tracker follows.
+    size |= step.goal_sight.picture is not None and step.servoes_pose
     grown = abs(step.truth.size / step.goal.size - 1)
     found = dict[str, float]()
     if step.servo_error > CONVERGED_PX:

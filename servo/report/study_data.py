@@ -81,7 +81,7 @@ class StudyResults:
         """
         if key is None:
             return {"all runs": self.rows}
-        return {str(v): [r for r in self.rows if r[key] == v] for v in self.axes[key]}
+        return {str(v): [r for r in self.rows if r[key] in (v, str(v))] for v in self.axes[key]}
 
     def sheets(self, most: int) -> Iterator[tuple[RunRow, bytes]]:
         """Yield up to `most` runs that have a contact sheet, each as its row and the sheet (bytes

@@ -208,7 +208,10 @@ def heat_maps(study: StudyResults) -> list[Figure]:
     def grid(score: Callable[[list[RunRow]], float]) -> Array:
         return np.array(
             [
-                [score([r for r in study.rows if r[x] == a and r[y] == b]) for a in columns]
+                [
+                    score([r for r in study.rows if r[x] in (a, str(a)) and r[y] in (b, str(b))])
+                    for a in columns
+                ]
                 for b in rows
             ],
             float,

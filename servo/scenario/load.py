@@ -141,7 +141,10 @@ def _changed(file: Table, changes: Sequence[Change]) -> Table:
     for change in changes:
         if change.key in SAME_TIME:
             toml.drop(table, SAME_TIME[change.key])
-    for change in changes:
+    # A new kind clears the other settings of its table, so those that change too come after it.
+    for change in sorted(
+        changes, key=lambda change: change.key.removesuffix(".kind") not in PLUGINS
+    ):
         toml.check({change.key: change.value}, change.place)
         put(table, *change)
     return table

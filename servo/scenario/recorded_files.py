@@ -13,6 +13,7 @@ from servo.mistake import Mistake, as_mistake
 from servo.scenario.calibration import camera_in
 from servo.scenario.recording import FOV, RecordingConfig
 from sim.files.shipped import file_of
+from sim.outline import area
 from sim.recording.recorded import Recorded, Shown
 from sim.types import Array, Camera
 from tracking.sequences import sequence
@@ -118,6 +119,10 @@ def _recorded(
         raise ValueError(
             f"{truth}: the target is not in the first picture: leave out the pictures and lines "
             "before it appears"
+        )
+    if not area(corners[0]) > 0:
+        raise ValueError(
+            f"{truth}: the target's outline in the first picture has no area: correct it"
         )
     times = _times(source)
     if len(times) < len(corners):

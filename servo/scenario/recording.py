@@ -12,7 +12,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from servo.mistake import Mistake
-from servo.scenario.fill import fill
+from servo.scenario.fill import WrongSetting, fill
 from servo.scenario.toml import Table, is_number, is_table
 from sim.camera.camera import CameraConfig, camera_of
 from sim.camera.renderer import MakeRenderer
@@ -204,11 +204,15 @@ def with_recording(table: Table, place: str) -> Table:
 
 
 def _section(table: Table, name: str) -> Table:
-    """Return the table with a name inside a scenario's table; an empty table if it is missing, or
-    if something other than a table has this name.
+    """Return the table with a name inside a scenario's table; an empty table if it is missing.
+
+    Raises:
+        WrongSetting: Something other than a table has this name.
     """
-    found = table.get(name)
-    return found if is_table(found) else {}
+    found = table.get(name, {})
+    if not is_table(found):
+        raise WrongSetting(f"{name} should be a table of settings, not {found!r}", name)
+    return found
 
 
 def _camera(given: Table, recorded: Recorded) -> Table:
@@ -252,13 +256,17 @@ def _duration(recorded: Recorded, table: Table, place: str) -> float:
     `LONGEST`.
 
     Raises:
-        Mistake: The recording is shorter than the user's duration.
+        Mistake: The recording is shorter than the user's duration, which is a number.
     """
     times = recorded.times
     most = float(times[-1] + np.median(np.diff(times))) if len(times) > 1 else 1 / RATE
     asked = _section(table, "run").get("duration")
-    if not is_number(asked):
+    if asked is None:
         return min(most, LONGEST)
+    if not is_number(asked):
+        raise WrongSetting(
+            f"run.duration should be a number of seconds, not {asked!r}", "run.duration"
+        )
     if asked > most + SLACK:
         raise Mistake(
             f"{place}: run.duration = {asked:g} s is too long: set at most {most:.4g} s, which the "

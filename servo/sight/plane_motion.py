@@ -12,6 +12,9 @@ from sim.types import Array
 SMALL = 0.02
 """Homographies this near to the identity (largest singular value of the difference) are linearised:
 OpenCV takes still nearer ones for pure rotations."""
+NEARLY_TURNED = 0.003
+"""Homographies this near to a rotation (largest singular value of the difference) may be pure
+rotations to OpenCV, without a plane: it finds one from 0.0016 on."""
 
 Motion = tuple[Array, Array, Array]
 """Rotation R (3, 3), translation over the plane's distance t (3,) and unit normal n (3,) of a
@@ -46,7 +49,7 @@ class PlaneMotion:
             return _small(scaled, min(self._paths, key=lambda path: path[1])[0])
         found = _motions(scaled)
         if not found:
-            return None
+            return self._nearly_turned(scaled)
         costs = [
             min(cost + _angle(normal, before) ** 2 for before, cost in self._paths)
             for _, _, normal in found
@@ -54,6 +57,19 @@ class PlaneMotion:
         normals = [normal for _, _, normal in found]
         self._paths = list(zip(normals, costs, strict=True))
         return found[costs.index(min(costs))]
+
+    def _nearly_turned(self, H: Array) -> Motion | None:
+        """Return the motion of a homography (3, 3) near to a rotation, for which OpenCV gives no
+        plane; None for any other homography. The plane's normal is the likeliest one so far.
+        """
+        before, _, after = np.linalg.svd(H)
+        R = before @ after
+        # The last term is not above zero where the plane would be behind a camera.
+        if np.linalg.norm(H - R, 2) > NEARLY_TURNED or H[2, 2] <= 0:
+            return None
+        normal, _ = min(self._paths, key=lambda path: path[1])
+        turn, shift, _ = _small(H @ R.T, R @ normal)
+        return turn @ R, shift, normal
 
 
 def _motions(H: Array) -> Sequence[Motion]:

@@ -16,6 +16,7 @@ from servo.scenario.catalogue import sentence, shipped
 from servo.scenario.draws import Value, flat
 from servo.scenario.expected import SUCCESS_RATE
 from servo.scenario.fill import STRICT, validated
+from servo.scenario.load import SAME_TIME
 from servo.scenario.load import parse as parse_scenario
 from servo.scenario.named_files import digests, found_beside, named_in, path_of, read
 from servo.scenario.toml import Table, assignment, is_table
@@ -184,9 +185,12 @@ def _changed(file: StudyTable, named: Named, changes: Sequence[str], place: str)
     for name, groups in named.items():
         varied += [(key, f"named.{name}") for key in dict.fromkeys(chain(*groups.values()))]
     for key, at in varied:
-        if key in places:
+        # Two settings of the same time may both be in one axis, in different groups of it.
+        other = SAME_TIME.get(key, key)
+        same = other if places.get(other, at) != at else key
+        if same in places:
             raise Mistake(
-                f"{place}: {places[key]}: {at} varies this setting already: leave one of them out"
+                f"{place}: {places[same]}: {at} varies this setting already: leave one of them out"
             )
         places[key] = at
     return changed

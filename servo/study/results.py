@@ -217,8 +217,9 @@ def moved(cells: Sequence[Cell]) -> list[str]:
     The difference of a measure is the range of its means, as a share of the largest one; a share of
     at most 5 % counts as none. The five measures are those with the largest share relative to the
     width of the means' 95 % intervals. Of measures whose correlation is above 0.98 or below -0.98,
-    such as rms and peak of one error, only the first is chosen. "step_ms", and a measure without a
-    mean in one of the cells, are never chosen.
+    such as rms and peak of one error, only the first is chosen, if there are more than two cells
+    (any two are in a line). "step_ms", and a measure without a mean in one of the cells, are never
+    chosen.
     """
     scores: dict[str, float] = {}
     values: dict[str, Array] = {}
@@ -234,7 +235,9 @@ def moved(cells: Sequence[Cell]) -> list[str]:
         noise = float(np.mean([m.high - m.low if m.known else 0.0 for m in means])) / largest
         score = share / (noise + LEAST_MOVED)
         alike = [
-            other for other in scores if abs(np.corrcoef(values[name], values[other])[0, 1]) > ALIKE
+            other
+            for other in scores
+            if len(cells) > 2 and abs(np.corrcoef(values[name], values[other])[0, 1]) > ALIKE
         ]
         first = alike[0] if alike else name
         scores[first] = max(score, scores.get(first, 0.0))

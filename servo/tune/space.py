@@ -101,7 +101,7 @@ def usual(scenario: Scenario, own: Table) -> list[Draw]:
     return draws
 
 
-def check(draws: Sequence[Draw], base: StudiedScenario, seed: int) -> None:
+def check(draws: Sequence[Draw], base: StudiedScenario, seed: int, own: Table) -> None:
     """Check that a scenario accepts each end of the ranges, and each value, of the settings to
     search.
 
@@ -109,13 +109,14 @@ def check(draws: Sequence[Draw], base: StudiedScenario, seed: int) -> None:
         draws: The settings with their ranges or values.
         base: The scenario.
         seed: Seed of the run for which settings are checked.
+        own: All settings of the scenario by dotted key.
 
     Raises:
         Mistake: The scenario has no such setting, or refuses a value.
     """
     for key, value in [(draw.key, value) for draw in draws for value in draw.ends]:
         try:
-            base.parsed(seed, {key: value})
+            base.parsed(seed, finished({key: value}, own))
         except Mistake as error:
             raise Mistake(f"--settings {key} = {value}: {error}") from None
 

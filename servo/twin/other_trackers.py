@@ -76,10 +76,15 @@ def recorded(table: pa.Table, path: Path, times: Array) -> Array | None:
     if not set(CENTRE) <= set(table.column_names):
         return None
     known = numbers_in(table, "time_s", path)
+    rows = np.arange(len(known))
+    if {"frame", "picture"} <= set(table.column_names):
+        # In a run's log a row's estimate may be of an older picture than the row's own.
+        pictures, rows = np.unique(numbers_in(table, "picture", path), return_index=True)
+        known = np.interp(pictures, numbers_in(table, "frame", path), known)
     columns: list[Array] = []
     for name in (*CENTRE, TURN, SCALE):
         has = name in table.column_names
-        values = numbers_in(table, name, path) if has else np.full(len(known), np.nan)
+        values = numbers_in(table, name, path)[rows] if has else np.full(len(known), np.nan)
         columns.append(np.interp(times, known, values, np.nan, np.nan))
     states = np.stack(columns, axis=1)
     return states if np.isfinite(states[:, :2]).all(axis=1).any() else None

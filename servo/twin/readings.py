@@ -19,6 +19,7 @@ from servo.scenario.load import load
 from servo.twin.bag_log import bag_table, is_bag_log
 from servo.twin.corrections import Kind, Smooth
 from servo.twin.robot_motion import RobotMotion, continuous, smoothed
+from sim.kinematics.robot import Robot
 from sim.models.quaternion import quaternion_of
 from sim.types import Array
 from tracking.sequences.bag_file import is_bag
@@ -108,6 +109,10 @@ def hand_log(table: pa.Table, path: Path, scenario: str | None) -> HandLog:
             f"{listed(names, 12) or 'none'}"
         )
     kind, columns = _columns(names, scenario, path)
+    if kind is Kind.JOINTS and scenario is not None:
+        # Others, such as a gripper's, do not move the camera, and may be in rows of their own.
+        known = joints_of(scenario)
+        columns = [name for name in columns if name in known] or columns
     times = numbers_in(table, "time_s", path)
     values = np.stack([numbers_in(table, name, path) for name in columns], axis=1)
     there = np.isfinite(times) & np.isfinite(values).all(axis=1)
@@ -180,6 +185,22 @@ def _columns(names: Sequence[str], scenario: str | None, path: Path) -> tuple[Ki
     raise Mistake(f"{path}: the motion of the hand does not follow from this log: {hint}")
 
 
+def joints_of(scenario: str) -> list[str]:
+    """Return the names of the columns that a log has for the joints of a scenario's robot, such as
+    "joint_shoulder_rad".
+
+    Raises:
+        Mistake: The scenario cannot be used.
+    """
+    with Episode(load(scenario), seen=False) as episode:
+        return columns_of(episode.world.robot)
+
+
+def columns_of(robot: Robot) -> list[str]:
+    """Return the names of a log's columns of a robot's joints."""
+    return [f"joint_{name}_{unit}" for name, unit in zip(robot.names, robot.units, strict=True)]
+
+
 def kinematics(scenario: str, columns: Sequence[str], path: Path) -> Callable[[Array], Array]:
     """Return the forward kinematics of a scenario's robot: a function from joint positions (n, k)
     [m, rad], in the order of the log's columns, to poses (n, 7) of the camera in the world frame
@@ -195,9 +216,7 @@ def kinematics(scenario: str, columns: Sequence[str], path: Path) -> Callable[[A
     """
     with Episode(load(scenario), seen=False) as episode:
         robot, data = episode.world.robot, episode.world.data
-        known = [
-            f"joint_{name}_{unit}" for name, unit in zip(robot.names, robot.units, strict=True)
-        ]
+    known = columns_of(robot)
     if set(known) - set(columns):
         missing = [name for name in known if name not in columns]
         raise Mistake(

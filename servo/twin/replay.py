@@ -3,6 +3,7 @@ the recorded posture, and their difference.
 """
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -17,6 +18,7 @@ from servo.twin.compare import Comparison
 from servo.twin.diagnosis import effect
 from servo.twin.mount import Mount, camera_poses
 from servo.twin.scene_camera import SceneCamera
+from sim.camera.lens import Lens
 from sim.geometry import log_so3
 from sim.types import Array, Camera, Image, Pose
 from tracking.drawing import colours
@@ -106,19 +108,12 @@ def write_replay(
     stretch, flips = effect(compared.fits.diagnosis.best.corrections)
     middle = float(compared.fits.tracks.times[[0, -1]].mean())
     first, last = motion.times[0], motion.times[-1]
-    view = Camera(
-        camera.fx * mount.focal,
-        camera.fy * mount.focal,
-        camera.cx,
-        camera.cy,
-        camera.width,
-        camera.height,
-    )
+    lens = Lens(replace(camera, fx=camera.fx * mount.focal, fy=camera.fy * mount.focal))
     curves = {"median difference": colours.CURVES[0]}
     chart = Chart(curves, "grey levels")
     page = FilmPage(folder / FILM, 30.0, "Replay", tuple(REPLAY.values()), PANEL, chart)
     log = ReplayLog(RecordingFile(folder / RECORDING))
-    scene = SceneCamera(episode, view)
+    scene = SceneCamera(episode, lens.view)
     found: list[float] = []
     with closing(page.close, log.close, scene.close):
         try:
@@ -129,7 +124,7 @@ def write_replay(
                     continue
                 (pose,) = camera_poses(motion, mount, np.array([time]))
                 pose = pose if room is None else room @ pose
-                drawn = scene.picture(pose, time)
+                drawn = lens.bend(scene.picture(pose, time))
                 seen = np.ascontiguousarray(picture.image[:: int(flips[1]), :: int(flips[0])])
                 off = _difference(seen, drawn)
                 found.append(float(np.median(off)))

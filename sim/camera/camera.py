@@ -95,10 +95,12 @@ class CameraConfig:
     noise: Noise = 0.0
     """Standard deviation of the sensor noise [grey levels of 255]."""
     exposure: Share = 0.0
-    """Exposure as a fraction of the frame interval; what moves meanwhile is blurred."""
+    """Exposure as a fraction of the frame interval, rounded to a whole number of physics steps
+    (`world.physics_rate`), at least one; what moves meanwhile is blurred."""
     readout_ms: Annotated[float, Ge(0), Le(1000)] = 0.0
     """Delay of a rolling shutter from the exposure of the first row to that of the last row, which
-    ends at the frame's time [ms]; by default all rows are exposed together."""
+    ends at the frame's time [ms]; the exposures end at physics steps, and less than half a step is
+    none. By default all rows are exposed together."""
     bands: Annotated[int, Ge(2), Le(64)] = 8
     """Number of exposures that are rendered for a rolling shutter, each ending at a physics step;
     there are fewer if the readout has fewer steps. Rows between two of them are a weighted mean."""

@@ -234,7 +234,9 @@ class Robot:
         self.mounting = design.mounting
         self.advice = design.advice
         self._site = model.site(CAMERA).id
-        self.ids = joints = model.actuator_trnid[:, 0]
+        self.drives = np.argsort(model.actuator_trnid[:, 0])
+        """The actuator of each joint (n,); joints are in the order of the chain, from the base."""
+        self.ids = joints = model.actuator_trnid[self.drives, 0]
         self.names = tuple(own_name(model.joint(j).name) for j in joints)
         slides = model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE
         self.units = tuple("m" if slide else "rad" for slide in slides)
@@ -243,8 +245,8 @@ class Robot:
         limited = model.jnt_limited[joints].astype(bool)
         self.lower = np.where(limited, model.jnt_range[joints, 0], -np.inf)
         self.upper = np.where(limited, model.jnt_range[joints, 1], np.inf)
-        bounded = model.actuator_ctrllimited.astype(bool)[:, None]
-        rates = np.where(bounded, model.actuator_ctrlrange, [-np.inf, np.inf])
+        bounded = model.actuator_ctrllimited[self.drives].astype(bool)[:, None]
+        rates = np.where(bounded, model.actuator_ctrlrange[self.drives], [-np.inf, np.inf])
         self.slowest, self.fastest = rates.T
         self._stops = (self.lower + STOP_MARGIN).tolist(), (self.upper - STOP_MARGIN).tolist()
         self._speeds = list(zip(self.slowest.tolist(), self.fastest.tolist(), strict=True))
@@ -284,7 +286,7 @@ class Robot:
         """
         model = self.model
         at = model.jnt_dofadr[self.ids]
-        strength = model.actuator_gainprm[:, 0] + model.dof_damping[at]
+        strength = model.actuator_gainprm[self.drives, 0] + model.dof_damping[at]
         step = model.opt.timestep
         return step / np.log1p(step * strength / model.dof_M0[at])
 

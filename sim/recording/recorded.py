@@ -60,9 +60,10 @@ class Recorded:
     @cached_property
     def present(self) -> NDArray[np.bool_]:
         """Mask (n,), true for each picture that shows the target: one in which all its corners are
-        finite.
+        finite, and its outline has an area.
         """
-        return np.asarray(np.isfinite(self.corners).all(axis=(1, 2)))
+        finite = np.isfinite(self.corners).all(axis=(1, 2))
+        return finite & np.array([area(corners) > 0 for corners in self.corners])
 
     @cached_property
     def _rays(self) -> Array:

@@ -36,14 +36,7 @@ from mutant_map import PACKAGES, Map, digests
 from mutant_runs import COMPILED, ROOT, Copy
 from mutant_sites import KINDS, Site, sites
 
-SPAN_OF_NOTHING = (
-    "tracking/sequences/bag_file.py",
-    "return topics.values(), max(times, default=0) - min(times, default=0)",
-)
 MUTANTS_THAT_CHANGE_NOTHING: dict[tuple[str, str, int, str, str], str] = {
-    (*SPAN_OF_NOTHING, column, "0", "1"): "without a time there is no topic, and the bag is refused"
-    for column in (47, 71)
-} | {
     (
         "servo/report/words.py",
         'return f"{value:,.0f}" if 100 <= abs(value) < 1e6 else f"{value:.3g}"',

@@ -18,8 +18,8 @@ BLUR = (9, 9)
 
 
 def warm_up(config: PartConfig[Tracker]) -> list[Shot]:
-    """Run a new tracker on four pictures of noise, in which its target moves by a pixel and is
-    lost, so that its compiled loops and network files are loaded.
+    """Run a new tracker on pictures of noise, in which its target moves by a pixel, and on black
+    ones, in which it is lost, so that its compiled loops and network files are loaded.
 
     Of a tracker in another process the compiled loops are then on the disk. An error of the tracker
     is ignored here: the tracker raises it again on the user's pictures.
@@ -31,7 +31,8 @@ def warm_up(config: PartConfig[Tracker]) -> list[Shot]:
         The tracker's results for these pictures up to its first error.
     """
     shots = list[Shot]()
-    pictures = [Picture("noise", 0.0, image) for image in _images()]
+    # A second apart: the target is LOST, not only UNSURE, in the last one.
+    pictures = [Picture("noise", float(i), image) for i, image in enumerate(_images())]
     height, width = SIZE
     with suppress(Exception):
         tracker = config.build(np.random.default_rng(0))
@@ -41,9 +42,10 @@ def warm_up(config: PartConfig[Tracker]) -> list[Shot]:
 
 
 def _images() -> list[Image]:
-    """Return four pictures of blurred noise: one, the same one moved by 1 and by 2 pixels, and one
-    of other noise.
+    """Return four pictures of blurred noise (one, the same one moved by 1 and by 2 pixels, and one
+    of other noise), and three black ones.
     """
     noise = np.random.default_rng(0).integers(0, 256, (2, *SIZE, 3), np.uint8)
     first, other = (cv2.blur(each, BLUR) for each in noise)
-    return [first, *(np.roll(first, pixels, axis=1) for pixels in (1, 2)), other]
+    moved = [np.roll(first, pixels, axis=1) for pixels in (1, 2)]
+    return [first, *moved, other, *[np.zeros_like(first)] * 3]

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -37,6 +38,8 @@ INDEX = "metadata.yaml"
 """Name of the file by which a folder is a ROS 2 bag."""
 INDEX_KEY = b"rosbag2_bagfile_information"
 """Key near the beginning of that file."""
+TIMED = 100
+"""Number of messages from which the rate of a topic is computed."""
 HEAD = 1000
 """Length of the beginning of a file that shows its format [bytes]."""
 LARGEST_RECORD = 1_000_000_000
@@ -69,13 +72,11 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """An open bag: its topics, the time from its first message to its last [s], and a function
-    that, for a topic's name, yields when each message was recorded [ns] and its bytes.
+    """An open bag: its topics, and a function that, for a topic's name, yields when each message
+    was recorded [ns] and its bytes.
     """
 
     topics: Iterable[Topic]
-    span: float
-    """Time from the first message to the last [s]."""
     messages: Callable[[str], Iterator[tuple[int, bytes]]]
     """Yields the messages of a topic: when each was recorded [ns], and its bytes."""
 
@@ -142,10 +143,19 @@ class Bag:
         self.path = path
         with _opened(path) as bag:
             topics = list(bag.topics)
-            span = bag.span
         self._topic = _chosen(path, topics, topic)
         self.count = self._topic.count
-        self.rate = (self.count - 1) / span if self.count > 1 and span > 0 else RATE
+        self.rate = self._rate()
+
+    def _rate(self) -> float:
+        """Return the mean rate [1/s] of the topic's first messages: the camera may have run for a
+        part of the recording only.
+        """
+        times: list[int] = []
+        with suppress(Exception), _opened(self.path) as bag:  # what is damaged is told when read
+            times += (at for at, _ in islice(bag.messages(self._topic.name), TIMED))
+        span = NANO * (max(times) - min(times)) if times else 0.0
+        return (len(times) - 1) / span if span > 0 else RATE
 
     def __iter__(self) -> Iterator[Picture]:
         return timed(self._messages(), self.rate)
@@ -270,7 +280,7 @@ def _ros(path: Path, head: bytes) -> Generator[Contents]:
             for _, recorded, data in reader.messages(reader.topics[name].connections):
                 yield recorded, bytes(data)
 
-        yield Contents(topics, NANO * reader.duration, messages)
+        yield Contents(topics, messages)
 
 
 @contextmanager
@@ -286,35 +296,32 @@ def _mcap(path: Path) -> Generator[Contents]:
             for _, _, message in reader.iter_messages([name], log_time_order=False):
                 yield message.log_time, message.data
 
-        topics, span = _listed(file)
-        yield Contents(topics, NANO * span, messages)
+        yield Contents(_listed(file), messages)
 
 
-def _listed(file: BinaryIO) -> tuple[Iterable[Topic], int]:
-    """Return the topics of an MCAP file, and the time from its first message to its last [ns]."""
+def _listed(file: BinaryIO) -> Iterable[Topic]:
+    """Return the topics of an MCAP file."""
     from mcap.reader import NonSeekingReader, SeekingReader
 
     topics: dict[str, Topic] = {}
     with suppress(Exception):  # mcap fails in many ways where the end is missing
         summary = SeekingReader(file, record_size_limit=LARGEST_RECORD).get_summary()
         if summary is not None and summary.statistics is not None:
-            numbers = summary.statistics
+            counts = summary.statistics.channel_message_counts
             for channel in summary.channels.values():
-                count = numbers.channel_message_counts.get(channel.id, 0)
+                count = counts.get(channel.id, 0)
                 _count(topics, channel, summary.schemas.get(channel.schema_id), count)
-            return topics.values(), numbers.message_end_time - numbers.message_start_time
+            return topics.values()
     # A killed recorder leaves a file without a summary: its messages are counted.
-    times: list[int] = []
     file.seek(0)
     reader = NonSeekingReader(file, record_size_limit=LARGEST_RECORD)
     try:
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
+        for schema, channel, _ in reader.iter_messages(log_time_order=False):
             _count(topics, channel, schema, 1)
-            times.append(message.log_time)
     except Exception:  # the place where it was cut off
-        if not times:
+        if not topics:
             raise
-    return topics.values(), max(times, default=0) - min(times, default=0)
+    return topics.values()
 
 
 def _count(topics: dict[str, Topic], channel: Channel, schema: Schema | None, count: int) -> None:

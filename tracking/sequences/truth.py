@@ -20,7 +20,9 @@ from tracking.types import FARTHEST
 
 OTB_NAME = re.compile(r"groundtruth_rect.*\.txt$")
 VOT_NAME = re.compile(r"groundtruth.*\.txt$")
-GOT10K_FILES = ("meta_info.ini", "absence.label", "cover.label", "cut_by_image.label")
+ABSENCE = "absence.label"
+"""File beside groundtruth.txt in GOT-10k's layout: for each frame 1 where the target is absent."""
+GOT10K_FILES = ("meta_info.ini", ABSENCE, "cover.label", "cut_by_image.label")
 """Files beside groundtruth.txt in GOT-10k's layout, by which it differs from VOT's."""
 LASOT_FILES = ("full_occlusion.txt", "out_of_view.txt")
 """Files beside groundtruth.txt in LaSOT's layout: for each frame 1 where the target is absent."""
@@ -88,8 +90,8 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
     pictures without the target.
 
     The target is absent if all numbers of a line are nan or missing, if the line is VOT's 0, if its
-    box has width and height 0 (not in TLD's format), and, in LaSOT's layout, in the frames that two
-    other files mark.
+    box has width and height 0 (not in TLD's format), and, in LaSOT's and GOT-10k's layouts, in the
+    frames that other files mark.
 
     Args:
         path: The truth file, with a line for each picture.
@@ -102,7 +104,7 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
 
     Raises:
         ValueError: The file cannot be read or has no line or too many, a line does not fit the
-            format, AUTO cannot decide, or LaSOT's two files do not fit.
+            format, AUTO cannot decide, or a file that marks absent frames does not fit.
     """
     lines = reading.text(path, "truth", LARGEST_FILE).rstrip().splitlines()
     if not lines:
@@ -123,9 +125,9 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
     rows = [_numbers(line.strip(), place) for line, place in zip(lines, places, strict=True)]
     if form is Format.AUTO:
         form = _format_of(path, rows)
-    if _is_lasot(path):
-        for i in np.flatnonzero(_marked_absent(path, len(rows))):
-            rows[i] = np.full(BOX, np.nan)  # some of its boxes there have negative sides
+    for beside in _absence_files(path):
+        for i in np.flatnonzero(_marked_absent(path, beside, len(rows))):
+            rows[i] = np.full(BOX, np.nan)  # some of the boxes there have negative sides
     return np.stack([_corners(row, form, place) for row, place in zip(rows, places, strict=True)])
 
 
@@ -166,22 +168,29 @@ def _is_lasot(path: Path) -> bool:
     return beside and bool(VOT_NAME.match(path.name))
 
 
-def _marked_absent(path: Path, count: int) -> NDArray[np.bool_]:
-    """Return a mask (count,), True in frames without the target by LaSOT's two files beside a truth
-    of `count` lines.
+def _absence_files(path: Path) -> list[Path]:
+    """Return the files beside a truth file that mark frames without the target: LaSOT's two, or
+    GOT-10k's one.
+    """
+    if _is_lasot(path):
+        return [path.parent / name for name in LASOT_FILES]
+    got10k = path.parent / ABSENCE
+    return [got10k] if VOT_NAME.match(path.name) and got10k.exists() else []
+
+
+def _marked_absent(path: Path, beside: Path, count: int) -> NDArray[np.bool_]:
+    """Return a mask (count,), True in frames without the target by a file beside a truth of `count`
+    lines.
 
     Raises:
-        ValueError: One of them cannot be read, or has not `count` numbers 0 or 1.
+        ValueError: It cannot be read, or has not `count` numbers 0 or 1.
     """
-    absent = np.zeros(count, bool)
-    for place in (path.parent / name for name in LASOT_FILES):
-        marks = reading.text(place, "truth", LARGEST_FILE).replace(",", " ").split()
-        if len(marks) != count or not set(marks) <= {"0", "1"}:
-            raise ValueError(
-                f"{place}: expected {count} numbers 0 or 1, one for each line of {path.name}"
-            )
-        absent |= np.array(marks) == "1"
-    return absent
+    marks = reading.text(beside, "truth", LARGEST_FILE).replace(",", " ").split()
+    if len(marks) != count or not set(marks) <= {"0", "1"}:
+        raise ValueError(
+            f"{beside}: expected {count} numbers 0 or 1, one for each line of {path.name}"
+        )
+    return np.array(marks) == "1"
 
 
 def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:

@@ -22,7 +22,7 @@ from tracking.appearance.bins import LabelledImage, as_seen
 from tracking.appearance.layout import Combine, Sampling
 from tracking.appearance.model import SampledModel
 from tracking.loss import LossLimits
-from tracking.search.newton import Descent, KernelGrid, KernelModel
+from tracking.search.newton import Descent, KernelGrid, KernelModel, shows_angle
 from tracking.settings import PLAIN, CellPoints, Count, Inset, Spread
 from tracking.trackers._cloud import CloudMethod, ParticleTracker
 from tracking.trackers.mk_pf import CELLS, VIDEO, SimilaritySettings
@@ -126,8 +126,10 @@ class PfSsd(ParticleTracker):
         c = self._config
         image = as_seen(frame.image, even=c.even)
         grid = KernelGrid(CELLS, levels=c.levels, inset=c.inset)
-        # Where the particles do not turn at all, as on recordings, the descent alone does.
-        turns = c.turn_noise == 0 or self._cloud.follows[0]
+        # Where the particles do not turn at all, as on recordings, the descent alone does, unless
+        # the target looks the same at all angles.
+        alone = c.turn_noise == 0 and shows_angle(image, region, state)
+        turns = alone or self._cloud.follows[0]
         self._kernels = KernelModel(image, region, state, grid, turns=turns)
 
     def _search(self, image: LabelledImage, change: Array, widen: float) -> int:

@@ -99,7 +99,11 @@ class ExactRenderer:
         """Mask of the bodies to draw where the table hides floor and sky."""
         self._table = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, TABLE)
         """Id of the table's geom; -1: the scene has none."""
-        casts = self._is_shown[:-1] & (np.arange(model.ngeom) != self._table) & shaded
+        # A mesh of the world holds many things, and not all stand on the table: the walls, and
+        # clutter with a picture.
+        many = (model.geom_bodyid == 0) & (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
+        is_table = np.arange(model.ngeom) == self._table
+        casts = self._is_shown[:-1] & ~is_table & ~many & shaded
         self._things = shadows.Things.of(model, casts & (self._table >= 0))
         self._texels, self._levels = _textures(model)
         self._textures = np.array([*(texture_of(model, g) for g in range(model.ngeom)), sky]) + 1

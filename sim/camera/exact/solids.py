@@ -10,6 +10,9 @@ FLAT = 0.8
 """Smallest cosine between a vertex normal and the face's normal with which the vertex normal is
 used (MuJoCo's rule); otherwise the face's is used, which keeps the edges of meshes without normals.
 """
+USUAL_QUADS = 4
+"""MuJoCo's own number of pieces along a side of a box or plane, for lights that change little over
+it: one piece is then enough."""
 REACH = 2.0
 """Half a side of the drawn part of an infinite plane, relative to the far clipping distance."""
 NO_AREA = 1e-12
@@ -93,6 +96,8 @@ def _primitive(model: mujoco.MjModel, geom: int) -> Solid:
     kind = model.geom_type[geom]
     size = model.geom_size[geom].astype(float)
     slices = int(model.vis.quality.numslices)
+    quads = int(model.vis.quality.numquads)
+    quads = quads if quads > USUAL_QUADS else 1
     quarter = np.pi / 2 * np.linspace(0, 1, int(model.vis.quality.numstacks) // 2 + 1)
     angle = np.concatenate([-quarter[::-1], quarter])
     arc = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -100,10 +105,10 @@ def _primitive(model: mujoco.MjModel, geom: int) -> Solid:
         case SHAPE.mjGEOM_PLANE:
             far = REACH * model.vis.map.zfar * model.stat.extent
             size = np.array([*np.where(size[:2] > 0, size[:2], far), 1.0])
-            corners, normals = (rows[:6] for rows in _box())
+            corners, normals = (rows[: 6 * quads**2] for rows in _box(quads))
             corners = (corners - (0, 0, 1)) * size
         case SHAPE.mjGEOM_BOX:
-            corners, normals = _scaled(_box(), size)
+            corners, normals = _scaled(_box(quads), size)
         case SHAPE.mjGEOM_SPHERE | SHAPE.mjGEOM_ELLIPSOID:
             size = np.where(size > 0, size, size[0])
             corners, normals = _scaled(_turned(arc, arc, slices), size)
@@ -139,12 +144,29 @@ def _split(quads: Array) -> Array:
     return quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, quads.shape[2])
 
 
-def _box() -> Surface:
-    """Return the surface of a cube with half sides of 1, whose upper face comes first."""
+def _box(quads: int) -> Surface:
+    """Return the surface of a cube with half sides of 1, whose upper face comes first.
+
+    Args:
+        quads: Number of pieces along each side of a face.
+    """
     upper = [np.roll(TOP, k, axis=1) for k in range(3)]
     normals = np.roll(np.eye(3), 1, axis=0)[:, None] * np.ones((4, 1))
     faces = np.array([*upper, *(-face[::-1] for face in upper)])
-    return _split(faces), _split(np.concatenate([normals, -normals]))
+    normals = np.concatenate([normals, -normals])
+    if quads > 1:
+        faces, normals = _divided(faces, quads), normals.repeat(quads**2, axis=0)
+    return _split(faces), _split(normals)
+
+
+def _divided(faces: Array, quads: int) -> Array:
+    """Return n faces (n, 4, 3) in `quads` x `quads` pieces each, face by face, with the diagonals
+    of OpenGL's pieces.
+    """
+    places = np.stack(np.divmod(np.arange(quads**2), quads), axis=1)[:, None]
+    s, t = np.moveaxis((places + [[1, 0], [1, 1], [0, 1], [0, 0]]) / quads, 2, 0)[..., None]
+    corner, along, _, across = np.moveaxis(faces, 1, 0)[:, :, None, None]
+    return (corner + s * (along - corner) + t * (across - corner)).reshape(-1, 4, 3)
 
 
 def _turned(points: Array, normals: Array, slices: int) -> Surface:
