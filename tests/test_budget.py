@@ -80,6 +80,24 @@ def test_nothing_wrong_is_an_ideal_scenario():
     plan.base.parsed(1, every)
 
 
+def test_a_coarser_picture_leaves_errors_in_pixels_as_large_in_the_scene():
+    plan = plan_of("line", principal_point=4.0)
+    alone, together = plan.settings((OF["principal_point"],), 1), plan.settings(SOURCES, 1)
+    for key in ("believed.cx_shift", "believed.cy_shift"):
+        assert together[key] == pytest.approx(alone[key] / 2)
+
+
+def test_delays_beside_the_latency_are_those_of_the_scenario_or_none():
+    late = "run.tracker_ms=100", "run.jitter_ms=40", "believed.clock_offset_ms=50"
+    plan = plan_of("line", "run.latency=0", *late)
+    assert plan.own["delay"] == 100.0
+    ideal = {"run.tracker_ms": 0.0, "run.jitter_ms": 0.0, "believed.clock_offset_ms": 0.0}
+    assert ideal.items() <= plan.settings((), 1).items()
+    assert not ideal.keys() & plan.settings((OF["delay"],), 1).keys()
+    stated = plan_of("line", *late, delay=33.0)
+    assert ideal.items() <= stated.settings((OF["delay"],), 1).items()
+
+
 def test_a_delay_in_the_file_is_replaced():
     plan = plan_of("latency_3", delay=50.0)
     assert plan.base.parsed(1, plan.settings((), 1)).run.latency_ms == 0.0

@@ -366,3 +366,24 @@ def test_a_lamp_lights_a_face_by_its_distance_angle_and_cone(light, facing, stre
 def test_a_ball_beyond_a_side_of_the_picture_is_not_drawn(middle, outside):
     view = np.array([100.0, 100.0, 100.0, 100.0])
     assert is_outside(np.array(middle), 0.1, view, 200, 200) == outside
+
+
+@pytest.mark.opengl
+def test_a_spot_is_on_the_table_as_with_opengl():
+    """Lit at its four corners alone, the table would be dark: they are outside of the cone."""
+    spot = "disturbances=[{kind='spot', start=0.0, ramp=0.01, duration=5.0}]"
+    with Episode(load("line", [spot, "controller.kind=hold"])) as episode:
+        for _ in range(3):
+            episode.world.step(np.zeros(6))
+        pictures = [each.begin(episode.world.data)() for each in both(episode)]
+    assert share_near(*pictures) > 0.98
+
+
+def test_walls_and_clutter_with_a_picture_do_not_darken_the_whole_table():
+    def brightness(*changes):
+        exact = ["camera.renderer=exact", "clutter.toys=false", "controller.kind=hold", *changes]
+        with Episode(load("line", exact), seen=False) as episode:
+            return episode.look().frame.image.mean()
+
+    walls = "walls.picture=brick"
+    assert brightness(walls, "camera.shadows=true") == pytest.approx(brightness(walls), rel=0.02)

@@ -259,3 +259,20 @@ def test_a_command_whose_picture_is_not_in_the_log_has_no_stamp():
     made, waited = log._pictures(columns, np.zeros(4))
     np.testing.assert_allclose(made, [0.05, np.nan, np.nan, 0.25])
     np.testing.assert_allclose(waited, [0.05, np.nan, np.nan, 0.05])
+
+
+@pytest.mark.parametrize("gone", [1, 700])
+def test_a_row_without_a_measured_rate_leaves_the_others(path, gone):
+    """A rate is the mean since the last row that has one."""
+    time = np.arange(1500) / 100
+    rates = 0.1 * np.sin(time)
+    columns = {"time_s": time, "command_x_m_s": np.sign(np.sin(time)), "measured_x_m_s": rates}
+    whole = pa.table(columns)
+    pyarrow.csv.write_csv(whole, path)
+    (complete,) = read(path).channels
+    rates[gone] = np.nan
+    columns["measured_x_m_s"] = pa.array(rates, from_pandas=True)
+    pyarrow.csv.write_csv(pa.table(columns), path)
+    (found,) = read(path).channels
+    assert found.moved.times[-1] == pytest.approx(complete.moved.times[-1])
+    assert np.ptp(found.moved.values) == pytest.approx(np.ptp(complete.moved.values), rel=0.02)

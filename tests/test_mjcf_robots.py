@@ -384,3 +384,30 @@ def test_a_posture_with_a_link_before_the_camera_or_below_the_table_is_a_hundred
         expected = whole * (1.0 if why == "free" else 0.01)
         assert comfort(robot, data) == pytest.approx(expected, rel=1e-6, abs=1e-12)
     assert min(counted[why] for why in ("near", "below", "free")) > 10
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
+def test_joints_are_in_the_order_of_the_chain_whatever_that_of_the_motors(tmp_path, order):
+    axes = "1 0 0", "0 1 0", "0 0 -1"
+    body = '<camera name="eye"/>'
+    for name, axis in reversed([*zip("xyz", axes, strict=True)]):
+        joint = f'<joint name="{name}" type="slide" axis="{axis}" range="-1 1"/>'
+        body = f'<body name="{name}">{joint}<geom size=".02"/>{body}</body>'
+    limits = {"x": 0.5, "y": 0.6, "z": 0.7}
+    motors = [
+        f'<velocity joint="{name}" kv="1e5" ctrlrange="-{most} {most}"/>'
+        for name, most in limits.items()
+    ]
+    actuators = "".join(motors[k] for k in order)
+    compiler = '<compiler autolimits="true"/>'
+    text = (
+        f"<mujoco>{compiler}<worldbody>{body}</worldbody><actuator>{actuators}</actuator></mujoco>"
+    )
+    (tmp_path / "robot.xml").write_text(text)
+    robot, model, data = built(
+        model=str(tmp_path / "robot.xml"), camera="eye", home=((0.1, 0.2, 0.3),)
+    )
+    assert robot.names == ("x", "y", "z")
+    assert robot.fastest.tolist() == [0.5, 0.6, 0.7]
+    driven = [model.joint(model.actuator_trnid[k, 0]).name[-1] for k in robot.drives]
+    assert driven == ["x", "y", "z"]

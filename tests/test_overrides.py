@@ -4,6 +4,7 @@ import pytest
 
 from servo.mistake import Mistake
 from servo.scenario import load as s
+from sim.kinds import kind_of
 
 
 def mistake(name, changes):
@@ -142,3 +143,12 @@ def test_a_name_with_dots_stands_in_quotes():
     assert mistake("still", [wrong]) == (
         f"--set {wrong}: expect.tracker.mine.py:Name should be a table of settings, not 3"
     )
+
+
+def test_a_setting_before_the_kind_of_its_table_counts_as_one_after_it():
+    for changes in (
+        ["controller.gain=3", "controller.kind=qp"],
+        ["controller.kind=qp", "controller.gain=3"],
+    ):
+        law = s.load("still", changes).controller
+        assert (kind_of(law), law.gain) == ("qp", 3.0)

@@ -203,7 +203,8 @@ def test_a_target_that_turns_and_grows_has_its_outline_in_each_picture(small, tm
 
 def test_it_is_blind_where_the_target_is_absent(small, tmp_path):
     lines = (small / "groundtruth.txt").read_text().splitlines()
-    lines[4] = lines[5] = "nan,nan,nan,nan,nan,nan,nan,nan"
+    lines[4] = "nan,nan,nan,nan,nan,nan,nan,nan"
+    lines[5] = "10,10,40,10,40,10,10,10"  # without an area
     truth = tmp_path / "truth.txt"
     truth.write_text("\n".join(lines))
     steps = recorded(small, f"recording.truth={truth}", *TRUTH)
@@ -273,6 +274,12 @@ SENTENCES = {
         ["recording.pictures={broken}.mp4"],
         "{broken}.mp4: this is not a video that can be read (FFmpeg: moov atom not found)",
     ),
+    "a first outline without area": (
+        ["recording.truth={flat}"],
+        "{flat}: the target's outline in the first picture has no area: correct it",
+    ),
+    "a duration in words": (["run.duration=long"], "run.duration should be a number of seconds"),
+    "a section that is no table": (["run=3"], "run should be a table of settings, not 3"),
     "a video that breaks off": (
         ["recording.pictures={broken}.avi"],
         "{broken}.avi: this recording breaks off after 1 of 12 pictures: leave out the rest of the",
@@ -283,7 +290,8 @@ SENTENCES = {
 @pytest.mark.parametrize("case", SENTENCES)
 def test_what_cannot_be_is_refused_in_a_sentence(small, tmp_path, case):
     places = {
-        name: tmp_path / name for name in ("alone", "short", "absent", "doubt", "broken", "cut")
+        name: tmp_path / name
+        for name in ("alone", "short", "absent", "doubt", "flat", "broken", "cut")
     }
     places["alone"].mkdir()
     for picture in small.glob("*.png"):
@@ -291,6 +299,7 @@ def test_what_cannot_be_is_refused_in_a_sentence(small, tmp_path, case):
     lines = (small / "groundtruth.txt").read_text().splitlines()
     places["short"].write_text("\n".join(lines[:3]))
     places["absent"].write_text("\n".join(["nan,nan,nan,nan", *lines[1:]]))
+    places["flat"].write_text("\n".join(["10,10,40,10,40,10,10,10", *lines[1:]]))
     places["doubt"].write_text("\n".join(["10,10,30,20"] * 12))
     if "picture" in case:
         shutil.copytree(small, places["cut"])

@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from servo.loop.episode import Episode
+from servo.scenario.load import load
+from sim.camera.camera import CameraConfig
 from sim.disturbances import dropped_frames, second_target, spot
 from sim.motions import line, still
 from sim.robots import arm, gantry
@@ -90,3 +93,30 @@ def test_the_arm_looks_where_the_gantry_looks():
         world.close()
     np.testing.assert_allclose(truths[0], truths[1], atol=1e-6)
     assert np.mean(np.abs(pictures[0] - pictures[1]).max(axis=2) > 8) < 0.01
+
+
+@pytest.mark.parametrize("roll", [-100.0, -90.0])
+def test_a_board_hides_the_target_from_a_camera_in_the_room(roll):
+    pose = f"camera.pose=[0.0, -1.2, 0.6, {roll}, 0.0, 0.0]"
+    board = "disturbances=[{kind='board', start=0.1, duration=0.5}]"
+    changes = [pose, board, "controller.kind=hold", "tracker.kind=truth", "run.duration=0.6"]
+    with Episode(load("hand_plate", [*changes, "world.visibility=true", "expect={}"])) as episode:
+        seen = [step.truth.visible for step in episode]
+    assert min(seen) == 0.0
+
+
+def test_an_interval_that_nobody_looked_at_is_not_in_the_next_exposure():
+    design, target = gantry.Config().build(RNG), car.Config().build(RNG)
+    moves = line.Config(x=0.0, speed=1.0).build(RNG)
+    camera = CameraConfig(exposure=0.5)
+
+    def pictures(*looks):
+        world = World(WorldParts(design, target, moves, (), camera), np.random.default_rng(1))
+        assert world.start(np.array([160.0, 120.0]), 0.0, 1.0)
+        for look in looks:
+            world.step(np.zeros(6))
+            image = world.look().image if look else None
+        world.close()
+        return image
+
+    np.testing.assert_array_equal(pictures(False, True), pictures(True, True))

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from servo.cli import sweep_command
 from servo.loop.episode import Episode
+from servo.report import study_data
 from servo.scenario import load as scenarios
 from servo.scenario.catalogue import shipped
 from servo.scenario.draws import Draw
@@ -197,6 +198,22 @@ def test_cells_have_means_with_intervals_and_pairs_are_compared(small):
     assert (pair.first, pair.second) == ("pf_ssd", "frozen")
     assert (pair.test.wins, pair.test.losses, pair.test.ties) == (9, 0, 1)
     assert pair.p_holm == pytest.approx(2 / 2**9)
+
+
+def test_a_list_is_a_value_of_an_axis_in_reports_too(tmp_path):
+    (tmp_path / "mine.toml").write_text(
+        'scenario = "still"\nseeds = 1\nset = { run.duration = 0.1, tracker.kind = "frozen" }\n'
+        '[axes]\n"believed.hand_eye_mm" = [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0]]\n'
+    )
+    study = load(str(tmp_path / "mine.toml"))
+    with store.opened(tmp_path / "out", StudyFile.of(study, "me")) as kept:
+        for run in study.jobs():
+            kept.add(run, run.run(kept.folder))
+    groups = study_data.load(tmp_path / "out").groups("believed.hand_eye_mm")
+    assert {name: len(rows) for name, rows in groups.items()} == {
+        "[0.0, 0.0, 0.0]": 1,
+        "[20.0, 0.0, 0.0]": 1,
+    }
 
 
 def test_a_bound_is_for_every_cell():

@@ -1,5 +1,7 @@
 """A study that sets a thing twice, a thing that is no setting, or far too much, is one sentence."""
 
+import re
+
 import pytest
 
 from servo.mistake import Mistake
@@ -159,6 +161,24 @@ CHANGES = {
         "'wide': input should be a valid number"
     ),
 }
+
+
+@pytest.mark.parametrize(
+    ("change", "axis"),
+    [("run.latency_ms=200", "run.latency = [1, 2]"), ("run.latency=2", "run.latency_ms = [9.0]")],
+)
+def test_a_delay_is_given_by_one_of_its_two_settings(change, axis, tmp_path):
+    (tmp_path / "mine.toml").write_text(f"{STILL}axes.{axis}\n")
+    sentence = f"--set {change}: axes.{axis.split()[0]} varies this setting already: leave one"
+    with pytest.raises(Mistake, match=re.escape(sentence)):
+        load(str(tmp_path / "mine.toml"), [change])
+
+
+def test_groups_of_one_axis_may_give_a_delay_in_both_ways(tmp_path):
+    (tmp_path / "mine.toml").write_text(
+        f"{STILL}[named.delay.short]\nrun.latency = 1\n[named.delay.long]\nrun.latency_ms = 200.0\n"
+    )
+    assert len(list(load(str(tmp_path / "mine.toml")).jobs())) == 2 * 3
 
 
 @pytest.mark.parametrize("change", CHANGES)

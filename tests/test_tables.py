@@ -307,6 +307,9 @@ def test_the_table_of_a_study_has_the_measures_that_differ():
     ]
     assert moved(moving) == ["servo_rms_px", "end_position_mm"]
     assert moved([cell(1.0), cell(2.0)]) == list(SHOWN)
+    # The means of two cells are always in a line: that says nothing about the measures.
+    two = [cell(x, servo_rms_px=x, end_position_mm=9 * x, age_ms=50 - x) for x in (1.0, 9.0)]
+    assert set(moved(two)) == {"servo_rms_px", "end_position_mm", "age_ms"}
     assert moved(moving[:1]) == list(SHOWN)
 
 

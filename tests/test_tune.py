@@ -321,3 +321,12 @@ def test_a_gain_without_a_value_is_said_and_is_not_in_the_table():
         "none of 2 fresh seeds has a value with them and with the scenario as it is."
     )
     assert found.table().rows[-1] == ["settle_s, less", "s", "", NOTHING]
+
+
+def test_a_range_of_whole_numbers_and_a_delay_in_place_of_another(tmp_path):
+    changes = (*FREE, "run.latency_ms=60.0")
+    assert tuned(tmp_path, settings=("run.latency=0:2",), changes=changes) == 0
+    whole = load(str(tmp_path / "scenario.toml"))
+    best = json.loads((tmp_path / "tune.json").read_text())["best"]
+    assert (whole.run.latency, whole.run.latency_ms) == (best["run.latency"], None)
+    assert type(best["run.latency"]) is int
