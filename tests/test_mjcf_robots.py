@@ -404,7 +404,7 @@ def test_joints_are_in_the_order_of_the_chain_whatever_that_of_the_motors(tmp_pa
         f"<mujoco>{compiler}<worldbody>{body}</worldbody><actuator>{actuators}</actuator></mujoco>"
     )
     (tmp_path / "robot.xml").write_text(text)
-    robot, model, data = built(
+    robot, model, _ = built(
         model=str(tmp_path / "robot.xml"), camera="eye", home=((0.1, 0.2, 0.3),)
     )
     assert robot.names == ("x", "y", "z")

@@ -32,6 +32,7 @@ from servo.twin.readings import (
     log_table,
 )
 from sim.models.quaternion import quaternion_of
+from sim.types import Camera
 
 POSES = ("hand_x_m", "hand_y_m", "hand_z_m", "hand_qx", "hand_qy", "hand_qz", "hand_qw")
 TWISTS = ("vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s")
@@ -487,3 +488,23 @@ def test_a_twins_scenario_has_its_changes_and_their_comments():
     assert "rate = 25" in text
     assert "[expect]" not in lines
     assert text.endswith("\n")
+
+
+@pytest.mark.parametrize("name", ["barrel", "fisheye", "still"])
+@pytest.mark.parametrize("own", ["", "fovy_deg = 50.0", "fx = 300.0\ncx = 150.0"])
+def test_a_twins_scenario_has_the_lens_of_the_recording_alone(tmp_path, name, own):
+    base = name
+    if own:
+        base = str(tmp_path / "mine.toml")
+        Path(base).write_text(f"[camera]\n{own}\n")
+    changes = {"camera.width": 1280, "camera.height": 720, "camera.fx": 1108.51}
+    (tmp_path / "twin.toml").write_text(toml(base, changes, {}))
+    with Episode(load(str(tmp_path / "twin.toml")), seen=False) as episode:
+        assert episode.world.camera == Camera(1108.51, 1108.51, 640.0, 360.0, 1280, 720)
+
+
+def test_a_twins_scenario_has_one_delay(tmp_path):
+    (tmp_path / "mine.toml").write_text("run.latency = 3\n")
+    text = toml(str(tmp_path / "mine.toml"), {"run.latency_ms": 55.0}, {})
+    assert "latency_ms = 55.0" in text
+    assert "latency = 3" not in text

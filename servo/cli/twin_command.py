@@ -31,8 +31,9 @@ from servo.loop.episode import Episode
 from servo.mistake import Mistake, as_mistake, writing
 from servo.output.run_folder import prepare
 from servo.report.page import Block, PageImage, render
-from servo.scenario.load import load
+from servo.scenario.load import SAME_TIME, load, parse
 from servo.scenario.part_names import named_part
+from servo.scenario.toml import copied, drop, with_settings
 from servo.twin import section as sections
 from servo.twin.compare import Comparison
 from servo.twin.other_trackers import CENTRE, Answers, Tracked, recorded
@@ -252,6 +253,20 @@ def _comments(text: str) -> dict[str, str]:
     return notes
 
 
+GIVES_LENS = ("camera.fx", "camera.calibration")
+"""Settings of a recording's lens, which replaces that of the scenario."""
+LENS = (
+    *GIVES_LENS,
+    "camera.fovy_deg",
+    "camera.fy",
+    "camera.cx",
+    "camera.cy",
+    "camera.distortion",
+    "camera.coefficients",
+)
+"""All settings of a lens."""
+
+
 def toml(scenario: str, changes: dict[str, object], notes: dict[str, str]) -> str:
     """Return the TOML of a scenario with changed settings, and with comments. The tables `vary`,
     `expect` and `sweep` are left out.
@@ -265,8 +280,14 @@ def toml(scenario: str, changes: dict[str, object], notes: dict[str, str]) -> st
     Raises:
         Mistake: A setting is not possible.
     """
-    texts = [f"{key}={tomli_w.dumps({'x': value})[4:].strip()}" for key, value in changes.items()]
-    whole = load(scenario, texts).table
+    own = copied(load(scenario).table)
+    replaced = [SAME_TIME[key] for key in changes if key in SAME_TIME]
+    if not changes.keys().isdisjoint(GIVES_LENS):
+        replaced += LENS  # a scenario's lens is for pictures of its own size
+    for key in replaced:
+        drop(own, key)
+    whole = with_settings(own, changes, scenario)
+    parse(copied(whole), Path(scenario).stem, scenario)
     table = {key: value for key, value in whole.items() if key not in DROPPED}
     part = ""
     lines = [f"# the robot of a recording, on the scenario {scenario}"]

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections import deque
 
 import mujoco
 import numpy as np
@@ -36,8 +37,9 @@ TOGETHER = 0.01
 """Largest difference between the stamps of a picture and its depth picture [s]."""
 KEPT_DEPTHS = 5
 """Number of depth pictures that are kept to find the one with a picture's stamp."""
-KEPT = 100
-"""Number of joint states that are kept to find the one nearest to a picture's stamp."""
+KEPT = 2000
+"""Number of joint states that are kept to find the one nearest to a picture's stamp: two seconds of
+the fastest drivers, 1 kHz."""
 SILENT = 1.0
 """Longest time without a new joint state [s]: any robot's driver sends ten a second or more."""
 
@@ -148,6 +150,7 @@ class Robot:
         self._topic = joints
         self._frame = frame
         self._last: tuple[float, Pose] | None = None
+        self._states = deque[JointState](maxlen=KEPT)
         self._stamp = -math.inf
         """The stamp of the last joint state received [s]."""
         self._since = math.nan
@@ -166,10 +169,11 @@ class Robot:
                 joint of the model, or it has another number of positions than of names.
         """
         # A sample without data says that a publisher has left.
-        received = [s for s in self._reader.read(KEPT) if isinstance(s, JointState)]
-        states = received or [first(self._reader, self._topic)]
-        self._check_going_on(seconds(states[-1].header.stamp))
-        state = min(states, key=lambda s: abs(seconds(s.header.stamp) - time))
+        self._states.extend(s for s in self._reader.take(KEPT) if isinstance(s, JointState))
+        if not self._states:
+            self._states.append(first(self._reader, self._topic))
+        self._check_going_on(seconds(self._states[-1].header.stamp))
+        state = min(self._states, key=lambda s: abs(seconds(s.header.stamp) - time))
         if len(state.position) != len(state.name):
             raise Mistake(
                 f"{self._topic}: a joint state has {len(state.name)} names and "
