@@ -169,9 +169,9 @@ def _dof_chooses(law: LawSettings, episode: Episode) -> bool:
 
 def _weights_forbid(law: LawSettings, episode: Episode) -> bool:
     """Return whether some weight is 0 and so forbids a component of the twist that the law could
-    use: the robot has six joints, or the law is `qp`.
+    use: the robot has six joints.
     """
-    return 0 in law.weights and (_has_six_joints(episode) or kind_of(law) == "qp")
+    return 0 in law.weights and _has_six_joints(episode)
 
 
 def _weights_choose(law: LawSettings, episode: Episode) -> bool:
@@ -397,7 +397,7 @@ NEEDS = (
     ),
     Need(
         ("controller.weights",),
-        _of_law(lambda law, episode: _has_six_joints(episode) or _weights_forbid(law, episode)),
+        _of_law(lambda _, episode: _has_six_joints(episode)),
         FEW,
     ),
     Need(

@@ -157,10 +157,10 @@ def _change(
         law: Camera twist (6,) of the law [m/s, rad/s].
         sense: DAQP's flags (m,): 8 for a soft bound, 0 for a hard one.
     """
-    if not desired.moves.any():
-        return -law, bounds.excess(law)
     # The unknown of the programme is the change from the law's twist, in the basis B.
     B = _basis(desired)
+    if not B.shape[1]:
+        return -law, bounds.excess(law)
     L = desired.L @ B
     A = np.ascontiguousarray(bounds.A @ B)
     n = B.shape[1]
