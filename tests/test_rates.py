@@ -98,7 +98,7 @@ def test_an_acceleration_limit_holds_for_the_time_until_the_next_update_of_the_d
         world = episode.world
         for k in range(1, 10):
             assert world.step(np.array([9.0, 0.0, 0.0, 0.0, 0.0, 0.0]))[0] == "x (acceleration)"
-            assert world._rates[0] == pytest.approx(0.5 * k / rate)
+            assert world.data.ctrl[0] == pytest.approx(0.5 * k / rate)
         # What the command reaches on average over a frame's updates, each for as long as it holds.
         ends = np.append(world.ticks, world.period)
         during = 0.5 * (9 - 1) / rate + 0.5 * ends[1:]
