@@ -123,7 +123,7 @@ def test_a_drawn_start_that_cannot_be_is_drawn_again(monkeypatch):
         return start(episode, world, config, way)
 
     monkeypatch.setattr(servo.Episode, "_start", on_the_left)  # a search for a start takes seconds
-    settings = {"overrides": [*SHORT, "tracker.kind=truth"]}
+    settings = {"overrides": ["run.duration=0.4", "tracker.kind=truth"]}
     settings["vary"] = {"start.x": {"uniform": [-10, 10]}}
     resets = [7, None, 1]
     told = []
@@ -140,7 +140,7 @@ def test_a_drawn_start_that_cannot_be_is_drawn_again(monkeypatch):
     assert str(refused.value) == (
         f"{refusal} (redraw = 0: 0 other seeds were tried too, and none has a possible start; a larger redraw tries more)"
     )
-    as_written = {"overrides": [*SHORT, "tracker.kind=truth", "start.x=5", "expect={}"], "vary": {}}
+    as_written = {"overrides": [*settings["overrides"], "start.x=5", "expect={}"], "vary": {}}
     with pytest.raises(Mistake) as refused:
         made(**as_written).reset(seed=7)  # no other seed could help
     assert str(refused.value) == refusal

@@ -177,7 +177,7 @@ def test_a_tracker_is_warmed_up_before_a_stream_is_opened(monkeypatch, capfd, tm
     arguments = ["tcp://127.0.0.1:1", "--tracker", "frozen", "--region", "2,2,9,9", "-q"]
     code, _, err = call(monkeypatch, capfd, *arguments)
     assert (code, err) == (0, "servobench: tcp://127.0.0.1:1: 3 pictures, then it ended\n")
-    assert events == ["start", *3 * ["update"], "opened", "start", "update", "update"]
+    assert events == ["start", *6 * ["update"], "opened", "start", "update", "update"]
 
 
 @pytest.fixture(scope="module")
