@@ -168,6 +168,23 @@ def test_pictures_are_aligned(method, turn, most):
     assert np.linalg.norm(miss, axis=2).max() * 300 < most
 
 
+@pytest.mark.parametrize("turn", [0.0, 90.0])
+def test_affine_sift_finds_a_goal_seen_from_the_side_where_it_is(turn):
+    """The first picture is matched with compressed views of the goal, whose points have no bias."""
+    goal = cv2.resize(picture_named("coffee", "targets", "picture"), (320, 240), None, 0, 0, 3)
+    middle = np.array([159.5, 119.5])
+    R = exp_so3(np.radians([0.0, 0.0, turn]))[:2, :2]
+    turned = cv2.warpAffine(goal, np.column_stack([R, middle - R @ middle]), (320, 240))
+    smooth = cv2.GaussianBlur(turned, (0, 0), 1.4, sigmaY=0.01)
+    squeeze = np.array([[0.5, 0.0, 0.5 * middle[0]], [0.0, 1.0, 0.0]])
+    seen = cv2.warpAffine(smooth, squeeze, (320, 240))
+    K = matrix_of(CAMERA)
+    found = K @ alignment("affine_sift", CameraImage(goal, CAMERA)).find(seen) @ np.linalg.inv(K)
+    at = np.array([[[x, y]] for x in (80.0, 160.0, 240.0) for y in (60.0, 180.0)])
+    true = (at - middle) @ R.T * [0.5, 1.0] + middle
+    assert np.abs((cv2.perspectiveTransform(at, found) - true).mean(axis=(0, 1))).max() < 0.15
+
+
 @pytest.mark.parametrize("method", ["orb", "sift", "affine_sift", "ecc"])
 def test_pictures_without_anything_in_common_are_not_aligned(method):
     rng = np.random.default_rng(1)

@@ -10,37 +10,42 @@ from tracking.types import Region, State
 REGION, TRUE = Region(60.0, 40.0), State(80.0, 60.0, 0.3, 1.0)
 
 
-def target_image(state=TRUE, seed=2):
+def target_image(state=TRUE, seed=2, size=(160, 120), blur=5):
     """A smooth random texture, moved by a state: exact truth for every parameter."""
     rng = np.random.default_rng(seed)
-    texture = cv2.GaussianBlur(rng.normal(0, 1, (200, 260, 3)), (0, 0), 5)
+    texture = cv2.GaussianBlur(rng.normal(0, 1, (200, 260, 3)), (0, 0), blur)
     texture = np.clip(128 + 60 * texture / texture.std(), 0, 255).astype(np.uint8)
     c, s = state.scale * np.cos(state.theta), state.scale * np.sin(state.theta)
     A = np.array([[c, -s], [s, c]])
     offset = np.array([state.x, state.y]) - A @ [130.0, 100.0] - 0.5 + A @ [0.5, 0.5]
     warp = np.column_stack([A, offset])
-    image = cv2.warpAffine(texture, warp, (160, 120), flags=cv2.INTER_LINEAR)
+    image = cv2.warpAffine(texture, warp, size, flags=cv2.INTER_LINEAR)
     return Frame(image, 0.0, 0).image
 
 
 def linearise(model, image, x):
     """The objective, half its gradient and half its curvature at x."""
-    return loops.linearise(image, x, model.kernels, model.root_reference)
+    stride = loops.stride_for(x, model.kernels)
+    return loops.linearise(image, x, model.kernels, model.root_reference, stride)
 
 
 def histograms(image):
     kernels = KernelModel(image, REGION, TRUE, KernelGrid()).kernels
-    return loops.histograms(image, TRUE.vector, kernels)
+    return loops.histograms(image, TRUE.vector, kernels, 1)
 
 
-def test_gradient_is_half_the_derivative_of_the_objective():
-    image = target_image()
-    model, x = KernelModel(image, REGION, TRUE, KernelGrid()), TRUE.vector + [2.0, -1.0, 0.05, 0.03]
+@pytest.mark.parametrize("grown", [1.0, 4.0])
+def test_gradient_is_half_the_derivative_of_the_objective(grown):
+    """Of the larger target only every fourth pixel is read."""
+    true = State(grown * TRUE.x, grown * TRUE.y, TRUE.theta, grown)
+    image = target_image(true, size=(640, 480))
+    model, x = KernelModel(image, REGION, true, KernelGrid()), true.vector + [2.0, -1.0, 0.05, 0.03]
+    assert loops.stride_for(x, model.kernels) == (1 if grown == 1 else 4)
     gradient, h = linearise(model, image, x)[1], 1e-5
     for p in range(4):
         d = h * np.eye(4)[p]
         rise = (linearise(model, image, x + d)[0] - linearise(model, image, x - d)[0]) / (2 * h)
-        assert 2 * gradient[p] == pytest.approx(rise, rel=1e-4, abs=1e-8)
+        assert 2 * gradient[p] == pytest.approx(rise, rel=1e-3, abs=1e-8)
 
 
 def test_derivatives_of_a_normalised_histogram_sum_to_zero():
@@ -92,6 +97,23 @@ def test_a_descent_ends_at_the_moved_target_to_a_tenth_of_a_pixel():
     assert refined.evaluations <= 8
 
 
+@pytest.mark.parametrize(("grown", "blur"), [(3.0, 3.0), (4.0, 5.0), (6.0, 5.0)])
+def test_a_descent_is_exact_for_large_targets_of_which_few_pixels_are_read(grown, blur):
+    """The rim of the template is as wide as the distance of the pixels that are read."""
+    true = State(320.0, 240.0, TRUE.theta, grown)
+    pictures = {"size": (640, 480), "blur": blur}
+    model = KernelModel(target_image(true, **pictures), REGION, true, KernelGrid())
+    rng = np.random.default_rng(5)
+    errors, evaluations = [], []
+    for _ in range(20):
+        moved = State.of(true.vector + rng.normal(size=4) * [3.0, 3.0, 0.05, 0.03])
+        found = model.descend(target_image(moved, **pictures), true, most=20, tolerance=0.01)
+        errors.append(np.hypot(*(found.state.vector - moved.vector)[:2]))
+        evaluations.append(found.evaluations)
+    assert np.percentile(errors, 90) < 0.1
+    assert np.mean(evaluations) < 5
+
+
 def test_one_round_kernel_cannot_see_rotation_and_nine_can():
     region = Region(40.0, 40.0)
     image = target_image()
@@ -132,6 +154,7 @@ def test_a_large_target_is_read_at_fewer_pixels():
         for stride in (1, 2)
     )
     assert some[0, 0] == pytest.approx(every[0, 0] / 4, rel=0.02)
-    _, totals = loops.histograms(image, TRUE.vector, model.kernels)
+    assert loops.stride_for(TRUE.vector, model.kernels) == 2
+    _, totals = loops.histograms(image, TRUE.vector, model.kernels, 2)
     assert totals[4, 0] == pytest.approx(some[0, 0], rel=1e-12)
     assert loops.FLOOR == 1e-3

@@ -231,7 +231,8 @@ def _seen_aside(grey: Image, tilt: float, turn: float) -> tuple[MatLike, Array]:
     level = cv2.warpAffine(grey, turned, sides)
     # Without the blur, compression would make points of fine texture that is not seen there.
     level = cv2.GaussianBlur(level, (0, 0), 0.8 * np.sqrt(tilt**2 - 1), sigmaY=0.01)
-    squeeze = np.diag([1 / tilt, 1.0, 1.0])
+    # `resize` keeps the picture's left edge, which is half a pixel left of the first centre.
+    squeeze = np.array([[1 / tilt, 0.0, 0.5 / tilt - 0.5], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     view = squeeze @ np.vstack([turned, [0.0, 0.0, 1.0]])
     return cv2.resize(level, None, fx=1 / tilt, fy=1.0), view
 

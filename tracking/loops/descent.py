@@ -78,26 +78,27 @@ def _share_between_bins(
 
 @compiled(error_model="numpy")
 def _cover(
-    rx: float, ry: float, half_width: float, half_height: float, scale: float, c: float, s: float
+    rx: float, ry: float, half: tuple[float, float], scale: float, c: float, s: float, stride: int
 ) -> Weight:
-    """Return the share, 0..1, of a pixel at r = (rx, ry) [template px] that the template covers,
-    and its derivatives by (x, y, theta, ln scale).
+    """Return the share, 0..1, of a square around r = (rx, ry) [template px] that the template
+    covers, and its derivatives by (x, y, theta, ln scale). The square's side is the distance
+    between the pixels that are read, `stride` [px].
 
     With a hard edge, the objective would have a step and a false minimum wherever a pixel's centre
-    crosses the edge.
+    crosses the edge; with squares smaller than that distance, wherever the edge lies between them.
     """
-    in_x = scale * (half_width - abs(rx)) + 0.5
-    in_y = scale * (half_height - abs(ry)) + 0.5
+    in_x = scale * (half[0] - abs(rx)) / stride + 0.5
+    in_y = scale * (half[1] - abs(ry)) / stride + 0.5
     if in_x <= 0.0 or in_y <= 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0
     cover_x = min(in_x, 1.0)
     cover_y = min(in_y, 1.0)
-    slope_x = np.sign(rx) * cover_y if in_x < 1.0 else 0.0
-    slope_y = np.sign(ry) * cover_x if in_y < 1.0 else 0.0
+    slope_x = np.sign(rx) * cover_y / stride if in_x < 1.0 else 0.0
+    slope_y = np.sign(ry) * cover_x / stride if in_y < 1.0 else 0.0
     d_x = slope_x * c - slope_y * s
     d_y = slope_x * s + slope_y * c
     d_theta = scale * (slope_y * rx - slope_x * ry)
-    d_scale = scale * (abs(slope_x) * half_width + abs(slope_y) * half_height)
+    d_scale = scale * (abs(slope_x) * half[0] + abs(slope_y) * half[1])
     return cover_x * cover_y, d_x, d_y, d_theta, d_scale
 
 
@@ -119,7 +120,7 @@ def _weigh(
     Args:
         rx: The pixel's place in the template, along its width [px].
         ry: The same along its height [px].
-        cover: The share of the pixel that the template covers, with its derivatives.
+        cover: The share of the pixel's square that the template covers, with its derivatives.
         value: Value of the kernel at r.
         gx: Derivative of the kernel by rx [1/px].
         gy: Derivative of the kernel by ry [1/px].
@@ -178,12 +179,13 @@ def kernel_histograms(
     per_scale = 1.0 / scale
     per_x = 1.0 / span[0]
     per_y = 1.0 / span[1]
-    reach_x = scale * (abs(c) * half[0] + abs(s) * half[1]) + 1.0
-    reach_y = scale * (abs(s) * half[0] + abs(c) * half[1]) + 1.0
-    # The upright box around the turned template bounds the pixels that are read.
-    first_i = max(0, int(state[1] - reach_y))
+    reach_x = scale * (abs(c) * half[0] + abs(s) * half[1]) + stride
+    reach_y = scale * (abs(s) * half[0] + abs(c) * half[1]) + stride
+    # The upright box around the turned template bounds the pixels that are read. Which pixels of
+    # the picture are read does not depend on the state, else the objective would have steps.
+    first_i = max(0, int(state[1] - reach_y)) // stride * stride
     last_i = min(len(image), int(state[1] + reach_y) + 1)
-    first_j = max(0, int(state[0] - reach_x))
+    first_j = max(0, int(state[0] - reach_x)) // stride * stride
     last_j = min(image.shape[1], int(state[0] + reach_x) + 1)
     for i in range(first_i, last_i, stride):
         for j in range(first_j, last_j, stride):
@@ -191,7 +193,7 @@ def kernel_histograms(
             dy = i + 0.5 - state[1]
             rx = (c * dx + s * dy) * per_scale
             ry = (c * dy - s * dx) * per_scale
-            cover = _cover(rx, ry, half[0], half[1], scale, c, s)
+            cover = _cover(rx, ry, half, scale, c, s, stride)
             if cover[0] == 0.0:
                 continue
             bins, shares = _share_between_bins(image, np.uint64(i), np.uint64(j), levels)
@@ -214,20 +216,28 @@ def kernel_histograms(
 
 
 @compiled(error_model="numpy")
-def histograms(image: Image, x: Array, kernels: Kernels) -> tuple[Array, Array]:
+def stride_for(x: Array, kernels: Kernels) -> int:
+    """Return n, so that every n-th pixel and row of a template at state x (4,) is about the largest
+    number of pixels that is to be read; 1 for small templates.
+    """
+    half, _, _, _, pixels = kernels
+    area = 4.0 * half[0] * half[1] * np.exp(2.0 * x[3])
+    return max(1, int(np.sqrt(area / pixels)))
+
+
+@compiled(error_model="numpy")
+def histograms(image: Image, x: Array, kernels: Kernels, stride: int) -> tuple[Array, Array]:
     """Return the sums (K, B, 5) and totals (K, 5) of `kernel_histograms`: for K kernels and B bins,
-    the pixels' weights and their derivatives by x, y [px], theta [rad] and ln scale. Of a large
-    template only every second, third, ... pixel and row is read.
+    the pixels' weights and their derivatives by x, y [px], theta [rad] and ln scale.
 
     Args:
         image: RGB (H, W, 3).
         x: State (4,): x, y [px], theta [rad], ln scale.
         kernels: Half sides of the template [px], centres and half axes of the kernels [px], number
             of bins of each channel, and largest number of pixels read, about.
+        stride: Only every stride-th pixel and row is read.
     """
-    half, centres, span, levels, pixels = kernels
-    area = 4.0 * half[0] * half[1] * np.exp(2.0 * x[3])
-    stride = max(1, int(np.sqrt(area / pixels)))
+    half, centres, span, levels, _ = kernels
     return kernel_histograms(image, x, half, centres, span, levels, stride)
 
 
@@ -343,7 +353,7 @@ def damped_step(gradient: Array, curvature: Array, damping: float, units: Array)
 
 @compiled(error_model="numpy")
 def linearise(
-    image: Image, x: Array, kernels: Kernels, root_reference: Array
+    image: Image, x: Array, kernels: Kernels, root_reference: Array, stride: int
 ) -> tuple[float, Array, Array]:
     """Return cost, gradient (4,) and curvature (4, 4), by x, y [px], theta [rad] and ln scale, of
     the squared difference mean_k ||sqrt(q_k + 0.001) - q*_k||^2 at a state, where q_k is the
@@ -355,8 +365,9 @@ def linearise(
         kernels: Half sides of the template [px], centres and half axes of the kernels [px], number
             of bins of each channel, and largest number of pixels read, about.
         root_reference: Square roots q*_k of the reference histograms plus 0.001 (K, B).
+        stride: Only every stride-th pixel and row is read.
     """
-    sums, totals = histograms(image, x, kernels)
+    sums, totals = histograms(image, x, kernels, stride)
     return ssd_normal_equations(sums, totals, root_reference, FLOOR)
 
 
@@ -391,7 +402,8 @@ def descend(
         evaluations.
     """
     x = start.copy()
-    cost, gradient, curvature = linearise(image, x, kernels, root_reference)
+    stride = stride_for(start, kernels)  # the same all the way: costs are compared
+    cost, gradient, curvature = linearise(image, x, kernels, root_reference, stride)
     damping = FIRST_DAMPING
     evaluations = 1
     if cost > hopeless:  # too far from the target: a descent would end in clutter
@@ -406,7 +418,7 @@ def descend(
             is_last &= abs(step[p] / units[p]) < tolerance
         if is_last:  # right without an evaluation, so near the minimum
             return there, cost, evaluations
-        at = linearise(image, there, kernels, root_reference)
+        at = linearise(image, there, kernels, root_reference, stride)
         evaluations += 1
         if at[0] < cost:
             x = there

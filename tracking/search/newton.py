@@ -135,7 +135,8 @@ class KernelModel:
         half = (inside.width / 2, inside.height / 2)
         self.kernels: loops.Kernels = half, centres, cell, grid.levels, PIXELS
         """The kernels, as the compiled loops take them."""
-        sums, totals = loops.histograms(image, state.vector, self.kernels)
+        stride = loops.stride_for(state.vector, self.kernels)
+        sums, totals = loops.histograms(image, state.vector, self.kernels, stride)
         self.root_reference = np.sqrt(sums[:, :, 0] / np.maximum(totals[:, :1], TINY) + loops.FLOOR)
         """Square roots of the reference histograms (K, B)."""
 
@@ -192,7 +193,9 @@ class KernelModel:
         """
         # O grows by dx' H dx, and H / (2 USUAL^2) is the information. The prior bounds
         # the variance along which O is flat.
-        _, _, curvature = loops.linearise(image, state.vector, self.kernels, self.root_reference)
+        x = state.vector
+        stride = loops.stride_for(x, self.kernels)
+        _, _, curvature = loops.linearise(image, x, self.kernels, self.root_reference, stride)
         found = np.linalg.inv(curvature / (2 * USUAL**2) + self._prior)
         return np.where(self._searched, found, np.nan)
 
@@ -207,6 +210,7 @@ def changes(image: Image, region: Region, state: State) -> tuple[float, float]:
         distance after a turn, of turns by 15, 30, ... 345 deg.
     """
     model = KernelModel(image, region, state, INNER)
+    stride = loops.stride_for(state.vector, model.kernels)
     shift = SHIFTED * np.sqrt(region.area(state))
     around = np.arange(8) * np.pi / 4
     none = np.zeros(8)
@@ -214,7 +218,7 @@ def changes(image: Image, region: Region, state: State) -> tuple[float, float]:
 
     def distance(change: Array) -> float:
         x = state.vector + change
-        cost, _, _ = loops.linearise(image, x, model.kernels, model.root_reference)
+        cost, _, _ = loops.linearise(image, x, model.kernels, model.root_reference, stride)
         return sqrt(cost / 2)
 
     turned = max(distance(np.array([0.0, 0.0, turn, 0.0])) for turn in TURNS)
