@@ -109,7 +109,7 @@ def _subframes(camera: CameraConfig, steps: int, end: int) -> tuple[int, ...]:
     """Return the numbers of the physics steps at which an exposure that ends at step `end` is
     rendered.
     """
-    if camera.exposure == 0:
+    if round(camera.exposure * steps) == 0:
         return (end,)
     before = np.linspace(0, camera.exposure * steps, SUBFRAMES)[1:]
     taken = np.clip(np.rint(end - before), 0, max(end - 1, 0))

@@ -373,10 +373,9 @@ PIXELS = ("features.kind=photometric", "estimator.kind=none")
         (("features.kind=points", POSE[1]), "sight.depth=known", CORNERS),
         (("tracker.kind=sok",), "tracker.contrast=5.0", NO_SIZE),
         (("tracker.kind=mean_shift",), "tracker.contrast=5.0", NO_SIZE),
-        (
-            (),
-            "camera.readout_ms=0.5",
-            "it is shorter than half a physics step: raise world.physics_rate",
+        *(
+            ((), setting, "it is shorter than half a physics step: raise world.physics_rate")
+            for setting in ("camera.readout_ms=0.5", "camera.exposure=0.02")
         ),
         (("goal.depth_to=0.7",), "goal.change_start=2", "the run ends before goal.change_start"),
         (

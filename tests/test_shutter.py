@@ -76,6 +76,12 @@ def test_bands_that_fall_on_one_physics_step_are_rendered_once():
     np.testing.assert_allclose(shares, 1.0, rtol=1e-6)
 
 
+@pytest.mark.parametrize(("exposure", "begins"), [(0.02, 16), (0.04, 15), (0.5, 8)])
+def test_an_exposure_shorter_than_half_a_physics_step_is_none(exposure, begins):
+    (band,) = exposures(CameraConfig(exposure=exposure), 16)
+    assert (band.steps[0], band.steps[-1]) == (begins, 16)
+
+
 def test_the_slope_is_right_wherever_the_target_is():
     """Eight pictures in 25 ms; rows of their own moments would be off by up to a half in places."""
     bands = exposures(CameraConfig(readout_ms=25.0), 16)

@@ -80,7 +80,9 @@ def test_an_estimate_in_a_runs_log_is_of_its_own_picture(tmp_path):
 
 
 @pytest.mark.wide
-def test_twin_says_until_when_another_tracker_would_have_seen_the_same_pictures(tmp_path):
+@pytest.mark.parametrize("shutter", [(), ("--exposure-ms", "45")])
+def test_twin_says_until_when_another_tracker_would_have_seen_the_same_pictures(shutter, tmp_path):
+    """A log has the time of a picture's stamp, not the middle of its exposure."""
     canvas = np.random.default_rng(0).integers(0, 255, (30, 40, 1), np.uint8)
     canvas = np.kron(canvas, np.ones((8, 8, 3), np.uint8))
     film = VideoWriter(tmp_path / "film.mp4", 20, 160, 120)
@@ -89,18 +91,18 @@ def test_twin_says_until_when_another_tracker_would_have_seen_the_same_pictures(
         x = round(20 + 20 * np.sin(k / 10))
         film.add(np.ascontiguousarray(canvas[40:160, x : x + 160]), k / 20)
         pose = {f"hand_{n}": 0.0 for n in ("y_m", "z_m", "qx", "qy", "qz")}
-        seen = {"estimated_x_px": 80.0 + 30 * (k >= 50), "estimated_y_px": 60.0}
+        seen = {"estimated_x_px": 80.0 + 45 * (k >= 50), "estimated_y_px": 60.0}
         rows.append({"time_s": k / 20, "hand_x_m": x / 200, "hand_qw": 1.0, **pose, **seen})
     film.close()
     with (tmp_path / "log.csv").open("w") as file:
         writer = csv.DictWriter(file, rows[0])
         writer.writeheader()
         writer.writerows(rows)
-    words = ["twin", "log.csv", "film.mp4", "--begins", "0", "--tracker", "still=frozen"]
+    words = ["twin", "log.csv", "film.mp4", "--begins", "0", "--tracker", "still=frozen", *shutter]
     words += ["--region", "60,40,40,40", "--out", "out"]
     with pytest.MonkeyPatch.context() as there:
         there.chdir(tmp_path)
         done = CliRunner().invoke(app, words)
     assert done.exit_code == 1, done.output
-    assert "51 of 100" in done.output
+    assert "50 of 100" in done.output
     assert "Would another tracker have held?" in (tmp_path / "out/report.html").read_text()

@@ -246,6 +246,12 @@ def _rolls(s: Setup) -> bool:
     return len(exposures(s.camera, steps)) > 1
 
 
+def _blurs(s: Setup) -> bool:
+    """Return whether an exposure takes a physics step or more, so that what moves is blurred."""
+    steps = Rates.of(s.world.physics_rate, s.world.drive_rate, s.camera.rate).steps
+    return any(len(band.steps) > 1 for band in exposures(s.camera, steps))
+
+
 def _of_tracker(s: Setup) -> Table:
     """Return the settings of a scenario's tracker by their names; none of one that is no
     dataclass.
@@ -324,6 +330,11 @@ NEEDS = (
         ("ground.tile",),
         _of_scenario(lambda s: s.ground.kind != "wood"),
         "the texture wood covers the whole table once and is not repeated",
+    ),
+    Need(
+        ("camera.exposure",),
+        _of_scenario(lambda s: not s.camera.exposure or _blurs(s)),
+        "it is shorter than half a physics step: raise world.physics_rate",
     ),
     Need(
         ("camera.readout_ms",),

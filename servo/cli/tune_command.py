@@ -15,8 +15,8 @@ from servo.output.formats import command_line
 from servo.report.tune_section import Tuned, section
 from servo.report.words import shown
 from servo.scenario.draws import flat
-from servo.scenario.load import SAME_TIME, load
-from servo.scenario.toml import copied, drop, with_settings
+from servo.scenario.load import load
+from servo.scenario.toml import with_settings
 from servo.study.execute import Workers
 from servo.study.trials import Trial, trial_study
 from servo.tune import space
@@ -108,10 +108,8 @@ def run(
     runs = [{"settings": one.settings, "runs": one.runs} for one in tried]
     found |= {"tried": runs, "fresh_before": pairs[0], "fresh_after": pairs[1]}
     files: dict[str, bytes | str] = {"tune.json": json_text(found), "tuned.toml": result.lines}
-    changed = copied(load(scenario, changes).table)
-    for key in best.settings.keys() & SAME_TIME.keys():
-        drop(changed, SAME_TIME[key])
-    whole = tomli_w.dumps(with_settings(changed, best.settings, scenario))
+    table = load(scenario, changes).table
+    whole = tomli_w.dumps(with_settings(table, best.settings, scenario))
     files[WHOLE] = f"# {scenario} with the settings that this command found: {again}\n\n{whole}"
     write(folder, section(result, described, folder), files, console)
     if not unseen:

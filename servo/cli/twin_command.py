@@ -31,7 +31,7 @@ from servo.loop.episode import Episode
 from servo.mistake import Mistake, as_mistake, writing
 from servo.output.run_folder import prepare
 from servo.report.page import Block, PageImage, render
-from servo.scenario.load import SAME_TIME, load, parse
+from servo.scenario.load import load, parse
 from servo.scenario.part_names import named_part
 from servo.scenario.toml import copied, drop, with_settings
 from servo.twin import section as sections
@@ -281,11 +281,9 @@ def toml(scenario: str, changes: dict[str, object], notes: dict[str, str]) -> st
         Mistake: A setting is not possible.
     """
     own = copied(load(scenario).table)
-    replaced = [SAME_TIME[key] for key in changes if key in SAME_TIME]
     if not changes.keys().isdisjoint(GIVES_LENS):
-        replaced += LENS  # a scenario's lens is for pictures of its own size
-    for key in replaced:
-        drop(own, key)
+        for key in LENS:  # a scenario's lens is for pictures of its own size
+            drop(own, key)
     whole = with_settings(own, changes, scenario)
     parse(copied(whole), Path(scenario).stem, scenario)
     table = {key: value for key, value in whole.items() if key not in DROPPED}
@@ -424,7 +422,8 @@ def _others(
     found = [tracked(name, tracker_of(what, ())[1]) for name, what in configs]
     config = _own_tracker(base)
     own = None if config is None else tracked(f"that of {base}", config)
-    states = recorded(table, given.log, begins + found[0].times)
+    # A log has the stamps of the pictures, and `begins` the time at which the first was exposed.
+    states = recorded(table, given.log, begins + given.late + found[0].times)
     if states is None and own is not None:
         states = own.states
     if states is None:

@@ -126,10 +126,6 @@ def load(
     return parse(_changed(file, changes), Path(name).stem, place, file, changes, own)
 
 
-SAME_TIME = {"run.latency": "run.latency_ms", "run.latency_ms": "run.latency"}
-"""Settings of one quantity in two units: a change of one removes the other."""
-
-
 def _changed(file: Table, changes: Sequence[Change]) -> Table:
     """Return a copy of a scenario's table, as read from its file, with changes.
 
@@ -139,8 +135,8 @@ def _changed(file: Table, changes: Sequence[Change]) -> Table:
     """
     table = copied(file)
     for change in changes:
-        if change.key in SAME_TIME:
-            toml.drop(table, SAME_TIME[change.key])
+        if change.key in toml.SAME_TIME:
+            toml.drop(table, toml.SAME_TIME[change.key])
     # A new kind clears the other settings of its table, so those that change too come after it.
     for change in sorted(
         changes, key=lambda change: change.key.removesuffix(".kind") not in PLUGINS

@@ -22,6 +22,8 @@ LARGEST_FILE = 1_000_000
 """Largest file that is read [bytes]; a scenario has a few thousand."""
 DEEPEST = 20
 """Deepest nesting of tables and lists."""
+SAME_TIME = {"run.latency": "run.latency_ms", "run.latency_ms": "run.latency"}
+"""Settings of one quantity in two units: a change of one removes the other."""
 INTEGERS = range(-(1 << 63), 1 << 63)
 """The integers that TOML has."""
 TOO_DEEP = f"tables and lists are nested too deep; the limit is {DEEPEST} levels"
@@ -200,12 +202,13 @@ def put(table: Table, path: str, value: object, place: str) -> None:
 
 def with_settings(table: Table, settings: Table, place: str) -> Table:
     """Return a copy of a scenario's table in which some settings have other values, and the random
-    distributions of these settings are removed from its table [vary].
+    distributions of these settings are removed from its table [vary]; so is the setting of the same
+    quantity in another unit.
 
     Args:
         table: The scenario's table.
         settings: New values by path, such as "tracker.kind"; a new `kind` clears the other settings
-            of its table.
+            of its table, so kinds are set first.
         place: The file or option that gives the changes; it begins messages.
 
     Raises:
@@ -213,8 +216,10 @@ def with_settings(table: Table, settings: Table, place: str) -> Table:
             a list without such an item.
     """
     changed = copied(table)
-    for key, value in settings.items():
-        put(changed, key, value, place)
+    for key in settings.keys() & SAME_TIME.keys():
+        drop(changed, SAME_TIME[key])
+    for key in sorted(settings, key=lambda key: not key.endswith(".kind")):
+        put(changed, key, settings[key], place)
     return changed
 
 

@@ -16,10 +16,9 @@ from servo.scenario.catalogue import sentence, shipped
 from servo.scenario.draws import Value, flat
 from servo.scenario.expected import SUCCESS_RATE
 from servo.scenario.fill import STRICT, validated
-from servo.scenario.load import SAME_TIME
 from servo.scenario.load import parse as parse_scenario
 from servo.scenario.named_files import digests, found_beside, named_in, path_of, read
-from servo.scenario.toml import Table, assignment, is_table
+from servo.scenario.toml import SAME_TIME, Table, assignment, is_table
 from servo.study.plan import (
     ALL,
     ENDS,

@@ -22,7 +22,7 @@ from servo.scenario.draws import Value
 from servo.scenario.expected import tracker_of
 from servo.scenario.load import Scenario
 from servo.scenario.named_files import digest_of
-from servo.scenario.toml import Table, assignment, copied, drop, put
+from servo.scenario.toml import Table, assignment, with_settings
 from servo.study.bounds import missed_bounds, unjudged
 from servo.study.run import SCENARIO, Job, Record, Series
 from sim.kinds import UnknownKind
@@ -126,13 +126,9 @@ class StudiedScenario:
             Mistake: The path of a setting goes through a value that is no table, has more than 20
                 names, or ends in a list without such an item.
         """
-        table = copied(self.table)
+        changes = self.changes | self._own(settings) | {"run.seed": seed}
+        table = with_settings(self.table, changes, self.study)
         table.pop("sweep", None)
-        for key, value in _ordered(self.changes | self._own(settings)).items():
-            if key in scenarios.SAME_TIME:
-                drop(table, scenarios.SAME_TIME[key])
-            put(table, key, value, self.study)
-        put(table, "run.seed", seed, self.study)
         return table
 
     def parsed(self, seed: int, settings: Table) -> Scenario:

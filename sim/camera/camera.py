@@ -96,7 +96,7 @@ class CameraConfig:
     """Standard deviation of the sensor noise [grey levels of 255]."""
     exposure: Share = 0.0
     """Exposure as a fraction of the frame interval, rounded to a whole number of physics steps
-    (`world.physics_rate`), at least one; what moves meanwhile is blurred."""
+    (`world.physics_rate`), so less than half a step is none; what moves meanwhile is blurred."""
     readout_ms: Annotated[float, Ge(0), Le(1000)] = 0.0
     """Delay of a rolling shutter from the exposure of the first row to that of the last row, which
     ends at the frame's time [ms]; the exposures end at physics steps, and less than half a step is
