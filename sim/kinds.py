@@ -85,6 +85,23 @@ def not_from_file(config: object) -> tuple[str, ...]:
     return config.not_from_file if isinstance(config, KeptOutOfFiles) else ()
 
 
+@runtime_checkable
+class SaysWhatIsIdle(Protocol):
+    """Settings of a component of which some have no effect because of others."""
+
+    @property
+    def idle(self) -> Mapping[str, str]:
+        """The reasons, each a clause, by the names of the settings that have no effect now."""
+        ...
+
+
+def idle_in(config: object) -> Mapping[str, str]:
+    """Return the reasons, by name, why settings of a component have no effect beside its other
+    settings; none if its settings do not say so.
+    """
+    return config.idle if isinstance(config, SaysWhatIsIdle) else {}
+
+
 @dataclasses.dataclass(frozen=True, slots=True)
 class BuildsItself:
     """Base class of settings that are themselves the component, such as the motion of a target:

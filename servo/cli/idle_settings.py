@@ -1,9 +1,8 @@
 """Warnings about settings that a user gave and that have no effect because of other settings."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any, cast
 
 import numpy as np
 
@@ -15,11 +14,10 @@ from servo.parts import OwnInverse
 from servo.scenario.draws import flat
 from servo.scenario.load import Scenario
 from servo.scenario.tables import TABLES
-from servo.scenario.toml import Table
 from servo.types import DOF, Sight
 from sim.camera import gl
 from sim.channels import Channel, needs_of
-from sim.kinds import kind_of
+from sim.kinds import idle_in, kind_of
 from sim.timing import Rates, exposures
 from sim.types import Effect
 from tracking.types import SEES_PICTURES, Trait, traits_of
@@ -58,7 +56,8 @@ def idle_settings(episode: Episode) -> list[str]:
         return []
     table = {name: part for name, part in scenario.table.items() if name in TABLES}
     given = {*flat(table, scenario.name), *scenario.drawn}
-    said = dict[str, str]()
+    said = {f"tracker.{name}": why for name, why in idle_in(scenario.tracker).items()}
+    said = {setting: why for setting, why in said.items() if setting in given}
     for need in NEEDS:
         concerned = [s for s in given if {s, s.partition(".")[0]} & {*need.settings}]
         if concerned and not need.is_met(episode):
@@ -252,18 +251,6 @@ def _blurs(s: Setup) -> bool:
     return any(len(band.steps) > 1 for band in exposures(s.camera, steps))
 
 
-def _of_tracker(s: Setup) -> Table:
-    """Return the settings of a scenario's tracker by their names; none of one that is no
-    dataclass.
-    """
-    try:
-        return asdict(cast(Any, s.tracker))
-    except TypeError:
-        return {}
-
-
-CLIMBS = ("mean_shift", "sok", "texture_ms")
-"""Trackers that climb by mean shift; they compare the surroundings only for the size."""
 FEW = "the robot has fewer than six joints, and the joints decide which components can move"
 INVERTS = "this feature set computes the twist from the error by an inverse of its own"
 DRAWN = "the pictures are those of a recording, in which nothing is drawn"
@@ -340,16 +327,6 @@ NEEDS = (
         ("camera.readout_ms",),
         _of_scenario(lambda s: not s.camera.readout_ms or _rolls(s)),
         "it is shorter than half a physics step: raise world.physics_rate",
-    ),
-    Need(
-        ("tracker.gamma",),
-        _of_scenario(lambda s: _of_tracker(s).get("schedule") != "survival"),
-        'with tracker.schedule = "survival" the exponents of the layers cancel it',
-    ),
-    Need(
-        ("tracker.contrast",),
-        _of_scenario(lambda s: kind_of(s.tracker) not in CLIMBS or _of_tracker(s).get("scale")),
-        "this tracker does not follow the size, so the surroundings are not compared",
     ),
     Need(
         ("camera.bands",),

@@ -3,6 +3,7 @@ estimate, resample.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import final
 
@@ -14,7 +15,7 @@ from tracking.appearance.model import AppearanceSettings
 from tracking.appearance.witness import Witness
 from tracking.loss import LossJudge, LossLimits
 from tracking.recognition import LIMITS, Recogniser
-from tracking.search.annealing import ONE_LAYER, Annealing, anneal
+from tracking.search.annealing import ONE_LAYER, Annealing, Schedule, anneal
 from tracking.search.newton import shows_angle
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
@@ -58,6 +59,13 @@ class CloudSettings(AppearanceSettings, ParticleSettings):
     def method(self) -> CloudMethod:
         """Choices in which this filter differs from others: by default those of Condensation."""
         return CloudMethod()
+
+    @property
+    def idle(self) -> Mapping[str, str]:
+        """The reason why `gamma` has no effect, where the layers are annealed by survival."""
+        is_cancelled = self.method.annealing.schedule == Schedule.SURVIVAL
+        why = 'with tracker.schedule = "survival" the exponents of the layers cancel it'
+        return {"gamma": why} if is_cancelled else {}
 
     def build(self, rng: np.random.Generator) -> "ParticleTracker":
         """Return the tracker; its samples are drawn from the generator."""

@@ -1,6 +1,7 @@
 """Tracker: kernel mean shift on a colour histogram (Comaniciu, Ramesh, Meer 2003)."""
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, final
 
@@ -71,6 +72,12 @@ class ClimbSettings(AppearanceSettings):
         whether the size is followed, and the confidence, 0..1, below which eight more climbs begin
         around the target.
         """
+
+    @property
+    def idle(self) -> Mapping[str, str]:
+        """The reason why `contrast` has no effect, where the size is not followed."""
+        why = "this tracker does not follow the size, so the surroundings are not compared"
+        return {} if self.climb.scale else {"contrast": why}
 
     def build(self, rng: np.random.Generator) -> "MeanShift":
         """Return a new mean-shift tracker with these settings; `rng` is not used."""
