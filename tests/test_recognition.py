@@ -1,5 +1,6 @@
 """A target that leaves or is hidden is LOST within a second, and found where it comes back."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -65,11 +66,22 @@ def test_what_hides_the_target_is_not_learned_while_the_doubt_is_still_rising():
     assert not lost[-1]
 
 
-def test_a_picture_too_large_or_too_small_for_the_search_has_no_candidates():
+def test_a_picture_too_small_for_the_search_has_no_candidates():
     state = State(10.0, 6.0)
     views = Views(np.zeros((12, 20, 3), np.uint8), Region(8.0, 8.0), state, 2)
     assert views.search(np.zeros((5, 20, 3), np.uint8), state, 5).shape == (0, 4)
-    assert views.search(np.zeros((8, 2000, 3), np.uint8), state, 5).shape == (0, 4)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_of_a_picture_too_large_for_the_search_the_part_around_the_last_place_is_searched(turn):
+    noise = np.random.default_rng(8).integers(0, 255, (40, 2600, 3), np.uint8)
+    picture = np.asarray(cv2.GaussianBlur(noise, (0, 0), 1.5))
+    state = State(1900.0, 20.0, turn)
+    views = Views(picture, Region(8.0, 8.0), state, 1)
+    places = views.search(views.blurred(np.roll(picture, 300, 1)), state, 3)
+    np.testing.assert_allclose(places[0], [2200.0, 20.0, turn, 0.0], atol=1.0)
+    far = views.search(views.blurred(np.roll(picture, -700, 1)), state, 3)
+    assert np.abs(far[:, 0] - 1900).max() < 800
 
 
 @pytest.mark.parametrize("axis", [0, 1])

@@ -24,7 +24,8 @@ NEW = 0.9
 SIZES = (0.8, 1.0, 1.25)
 """Factors on the last size at which the whole picture is searched."""
 LARGEST = 1024
-"""Most points along a side of the whole picture; a larger one is not searched."""
+"""Most points along a side of what is searched: of a larger picture, the part around the target's
+last place."""
 APART = SIDE // 2
 """Least distance of two candidates of one size [points of a view]."""
 
@@ -104,11 +105,12 @@ class Views:
 
         Returns:
             States of x, y [px], theta [rad], ln scale; n = 0 if, at all three sizes, the
-            picture is larger than 1024 points of a view along a side, or smaller than a view.
+            picture is smaller than a view. Of a picture with more than 1024 points of a view along
+            a side, only 1024 around the last place are searched.
         """
         found: list[tuple[float, list[float]]] = []
         for scale in (last.scale * size for size in SIZES):
-            shrunk = self._shrunk(blurred, last.theta, scale)
+            shrunk = self._shrunk(blurred, last, scale)
             if shrunk is None:
                 continue
             small = shrunk[0].astype(np.float32)
@@ -130,16 +132,20 @@ class Views:
         found.sort(key=lambda item: -item[0])
         return np.array([state for _, state in found[:most]]).reshape(-1, 4)
 
-    def _shrunk(self, image: Image, theta: float, scale: float) -> tuple[Image, Array] | None:
-        """Return the picture turned by -theta [rad] and reduced until one pixel covers the area
-        between two points of a stored view of the target; also the affine matrix (2, 3) from its
-        coordinates to the picture's. Return None if the result would be larger than `LARGEST` or
-        smaller than a view.
+    def _shrunk(self, image: Image, last: State, scale: float) -> tuple[Image, Array] | None:
+        """Return the picture turned back by the target's last angle and reduced until one pixel
+        covers the area between two points of a stored view of the target, or the part of it around
+        the target's last place that is at most `LARGEST` wide and high; also the affine matrix
+        (2, 3) from its coordinates to the picture's. Return None if it is smaller than a view.
         """
         steps = scale / SIDE * np.array([self._region.width, self._region.height])
-        place, size = turned_back(image, theta, steps)
-        if size.max() > LARGEST or size.min() < SIDE:
+        place, size = turned_back(image, last.theta, steps)
+        if size.min() < SIDE:
             return None
+        middle = np.linalg.solve(place[:, :2], [last.x, last.y] - place[:, 2])
+        begin = np.clip(np.rint(middle - LARGEST / 2), 0, np.maximum(np.ceil(size) - LARGEST, 0))
+        place[:, 2] += place[:, :2] @ begin
+        size = np.minimum(size, LARGEST)
         shape = (round(size[0]), round(size[1]))
         flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
         small = cv2.warpAffine(image, between_centres(place), shape, flags=flags)
