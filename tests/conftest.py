@@ -101,9 +101,9 @@ WALLS = {
     "test_vary",
 }
 """Files, or tests, that try every setting, input, scenario, scheme, kind or example, mostly in whole runs."""
-PLAIN_SHARE = 10
+PLAIN_SHARE = 20
 """The plain command runs one in so many of their cases, the same ones each time."""
-PLAIN_SECONDS = 0.7
+PLAIN_SECONDS = 0.5
 """The plain command leaves out other tests that took as long or longer when they were timed [s]."""
 WIDE = "wide and not processes"
 """The option -m that asks for the others."""
