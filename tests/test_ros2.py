@@ -114,6 +114,8 @@ def test_a_camera_gives_pictures_in_rgb_with_their_stamps():
     assert camera.newest() is None  # it is not newer
     image.header = messages.header(12.5, "camera")
     assert given(camera.newest, writer.write, image).time == 12.5
+    image.header = messages.header(3.0, "camera")  # the camera's clock was set back
+    assert given(camera.newest, writer.write, image).time == 3.0
 
 
 METRES = np.array([[0.5, np.nan], [1.25, 2.0]], np.float32)
@@ -390,6 +392,23 @@ def test_joint_states_of_a_publisher_that_leaves_are_used_for_a_short_time(monke
     second.write(state(1.4, 0.3, 0.4))  # the publisher's clock was set back: it is no less there
     time.sleep(0.2)
     assert robot.posture(1.5).joints.tolist() == [0.3, 0.4]
+
+
+def test_the_joint_state_nearest_to_a_picture_is_found_among_those_of_1_khz():
+    robot = Robot(servo.load("pan_tilt_line", ["tracker.kind=truth"]), "/f/joints", "/f/twist")
+    writer = Node().writer("/f/joints", messages.JointState)
+    given(lambda: writer.get_matched_subscriptions() or None, lambda _: None, None)
+
+    def send(begin, count, pan):
+        for k in range(count):
+            stamp = messages.header(begin + k / 1000, "")
+            writer.write(messages.JointState(stamp, ["pan", "tilt"], [pan + k / 1e4, 0.0], [], []))
+        time.sleep(0.3)
+
+    send(10.0, 400, 0.0)
+    assert robot.posture(10.1).joints[0] == pytest.approx(0.01, abs=1e-9)
+    send(5.0, 400, 0.1)  # the robot's clock was set back: the states of its earlier times are no more
+    assert robot.posture(10.1).joints[0] == pytest.approx(0.1399, abs=1e-9)
 
 
 CONTROLLER = """

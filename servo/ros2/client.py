@@ -41,7 +41,8 @@ KEPT = 2000
 """Number of joint states that are kept to find the one nearest to a picture's stamp: two seconds of
 the fastest drivers, 1 kHz."""
 SILENT = 1.0
-"""Longest time without a new joint state [s]: any robot's driver sends ten a second or more."""
+"""Longest time without a new joint state [s]: any robot's driver sends ten a second or more. A
+stamp that is earlier by more says that a clock was set back."""
 
 
 class Camera:
@@ -90,7 +91,8 @@ class Camera:
     def newest(self) -> Frame | None:
         """Return the newest picture, RGB, with its stamp as time [s], the number of pictures that
         this client received before it, and its depth picture [m]. Return None if no picture comes
-        within 20 ms, or only one whose stamp is not later than that of the last one returned.
+        within 20 ms, or only one whose stamp is not later than that of the last one returned, by
+        less than 1 s: beyond, the camera's clock was set back.
 
         The depth picture is None if the camera has none, or if none with the picture's stamp comes
         within 20 ms; nan in it stands for unknown depth.
@@ -100,7 +102,7 @@ class Camera:
         """
         for message in self._pictures.take_iter(timeout=WAITS):
             stamp = seconds(message.header.stamp)
-            if stamp <= self._last:
+            if self._last - SILENT <= stamp <= self._last:
                 return None  # a simulation that waits for a twist sends its first picture again
             self._last = stamp
             self._count += 1
@@ -168,8 +170,10 @@ class Robot:
             Mistake: No first joint state has come within 10 s or no further one for 1 s, it lacks a
                 joint of the model, or it has another number of positions than of names.
         """
-        # A sample without data says that a publisher has left.
-        self._states.extend(s for s in self._reader.take(KEPT) if isinstance(s, JointState))
+        for state in self._reader.take(KEPT):
+            # A sample without data says that a publisher has left.
+            if isinstance(state, JointState):
+                self._keep(state)
         if not self._states:
             self._states.append(first(self._reader, self._topic))
         self._check_going_on(seconds(self._states[-1].header.stamp))
@@ -184,6 +188,16 @@ class Robot:
         self._data.qpos[self._robot.qpos] = [positions[name] for name in self._robot.names]
         self._robot.refresh(self._data)
         return self._robot.posture(self._data, self._twist(seconds(state.header.stamp)))
+
+    def _keep(self, state: JointState) -> None:
+        """Keep a joint state; if the robot's clock was set back, forget the earlier ones, whose
+        stamps mean other times.
+        """
+        if self._states:
+            back = seconds(self._states[-1].header.stamp) - seconds(state.header.stamp)
+            if back > SILENT:
+                self._states.clear()
+        self._states.append(state)
 
     def _check_going_on(self, last: float) -> None:
         """Check that joint states go on coming, by the stamp [s] of the last one: the robot's clock
