@@ -6,6 +6,7 @@ import re
 import shutil
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -18,7 +19,8 @@ from servo.mistake import Mistake
 from servo.report import study_section
 from servo.report.page import LIGHT, Block, Section
 from servo.report.printed import latex
-from servo.report.study_data import duration, load
+from servo.report.study_data import StudyResults, duration, load
+from servo.report.study_time import heat_maps
 from servo.report.words import Badge, Table, Tone
 from servo.study.bounds import MissedBound
 from servo.study.run import Record
@@ -389,3 +391,23 @@ def test_a_median_over_some_of_the_runs_has_their_number(tmp_path):
 @pytest.mark.parametrize(("times", "seconds"), [([0.0], 0.0), ([0.0, 0.1, 0.2, 0.5], 0.6)])
 def test_a_run_lasts_until_the_end_of_its_last_frame(times, seconds):
     assert duration({"time_s": np.array(times)}) == pytest.approx(seconds)
+
+
+def test_a_heat_map_has_the_runs_of_values_that_are_lists():
+    """An axis of lists, or of several types, is stored as texts."""
+    axes = {"controller.dof": [["vx", "vy"], ["vz"]], "tracker.kind": ["kams", "truth"]}
+    rows = [
+        {"controller.dof": dof, "tracker.kind": kind, "success": good, "servo_rms_px": error}
+        for dof, kind, good, error in [
+            ("['vx', 'vy']", "kams", True, 1.0),
+            ("['vx', 'vy']", "kams", False, 3.0),
+            ("['vz']", "kams", False, 8.0),
+            ("['vz']", "truth", True, 0.5),
+        ]
+    ]
+    plan = SimpleNamespace(axes=axes, compare="tracker.kind")
+    rate, error = heat_maps(StudyResults(None, plan, rows, {}, set(), [], []))
+    texts = [
+        sorted(text.get_text() for text in figure.drawing.axes[0].texts) for figure in (rate, error)
+    ]
+    assert texts == [["0", "0.5", "1"], ["0.5", "2", "8"]]

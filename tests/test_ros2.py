@@ -407,7 +407,9 @@ def test_the_joint_state_nearest_to_a_picture_is_found_among_those_of_1_khz():
 
     send(10.0, 400, 0.0)
     assert robot.posture(10.1).joints[0] == pytest.approx(0.01, abs=1e-9)
-    send(5.0, 400, 0.1)  # the robot's clock was set back: the states of its earlier times are no more
+    send(
+        5.0, 400, 0.1
+    )  # the robot's clock was set back: the states of its earlier times are no more
     assert robot.posture(10.1).joints[0] == pytest.approx(0.1399, abs=1e-9)
 
 

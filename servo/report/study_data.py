@@ -81,7 +81,7 @@ class StudyResults:
         """
         if key is None:
             return {"all runs": self.rows}
-        return {str(v): [r for r in self.rows if r[key] in (v, str(v))] for v in self.axes[key]}
+        return {str(v): [r for r in self.rows if has_value(r, key, v)] for v in self.axes[key]}
 
     def sheets(self, most: int) -> Iterator[tuple[RunRow, bytes]]:
         """Yield up to `most` runs that have a contact sheet, each as its row and the sheet (bytes
@@ -92,6 +92,13 @@ class StudyResults:
             (record,) = self.store.read([key_of(row["run"])], long=True)
             if record.sheet is not None:
                 yield row, record.sheet
+
+
+def has_value(row: RunRow, key: str, value: object) -> bool:
+    """Return whether a run has a value of an axis. Values of an axis that are lists, or of several
+    types, are texts in the rows.
+    """
+    return row[key] in (value, str(value))
 
 
 def load(folder: Path) -> StudyResults:

@@ -21,6 +21,7 @@ from servo.report.study_data import (
     Series,
     StudyResults,
     duration,
+    has_value,
     median,
 )
 from servo.report.words import cut, listed, shown
@@ -209,7 +210,7 @@ def heat_maps(study: StudyResults) -> list[Figure]:
         return np.array(
             [
                 [
-                    score([r for r in study.rows if r[x] in (a, str(a)) and r[y] in (b, str(b))])
+                    score([r for r in study.rows if has_value(r, x, a) and has_value(r, y, b)])
                     for a in columns
                 ]
                 for b in rows
