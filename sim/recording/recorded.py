@@ -45,8 +45,9 @@ class Recorded:
     times: Array
     """Time of each picture since the first (n,) [s], ascending."""
     corners: Array
-    """The target's corners (n, 4, 2) in each picture [px]; nan where it is absent. It is there in
-    the first picture."""
+    """The target's corners (n, 4, 2) in each picture [px], from the picture's top left corner: the
+    first pixel has its centre at (0.5, 0.5). They are nan where the target is absent; it is there
+    in the first picture."""
     pictures: Callable[[], Shown]
     """Function that returns an iterator over the pictures, from the first one."""
 
