@@ -105,6 +105,9 @@ PLAIN_SHARE = 20
 """The plain command runs one in so many of their cases, the same ones each time."""
 PLAIN_SECONDS = 0.5
 """The plain command leaves out other tests that took as long or longer when they were timed [s]."""
+PROGRAM_SECONDS = 15.0
+"""The same of tests that start programs, for `-m "processes and not wide"`; four ran at once when they
+were timed, on two cores [s]."""
 WIDE = "wide and not processes"
 """The option -m that asks for the others."""
 LAID_OUT = {"test_bench", "test_identify", "test_papers", "test_report", "test_run_numbers"}
@@ -119,7 +122,7 @@ them."""
 def pytest_xdist_auto_num_workers(config):
     """Tests that start programs wait half of their time: twice as many at once."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return 2 * cores if config.option.markexpr == "processes" else None
+    return 2 * cores if config.option.markexpr.startswith("processes") else None
 
 
 def pytest_configure(config):
@@ -136,7 +139,7 @@ def pytest_ignore_collect(collection_path, config):
     if collection_path.suffix != ".py":
         return None
     wanted, text = config.option.markexpr, collection_path.read_text()
-    if wanted == "processes":
+    if wanted.startswith("processes"):
         some = "mark.processes" in text
     elif wanted == WIDE:
         named = {*LONG, *(wall.split(":")[0] for wall in WALLS)}
@@ -167,7 +170,9 @@ def pytest_collection_modifyitems(items):
         if hasattr(item, "callspec") and not WALLS.isdisjoint(names):
             is_plain = zlib.crc32(item.nodeid.encode()) % PLAIN_SHARE == 0
         else:
-            is_plain = LONG.get(item.path.stem, {}).get(item.name, 0.0) < PLAIN_SECONDS
+            starts = item.get_closest_marker("processes") is not None
+            limit = PROGRAM_SECONDS if starts else PLAIN_SECONDS
+            is_plain = LONG.get(item.path.stem, {}).get(item.name, 0.0) < limit
         if not is_plain:
             item.add_marker("wide")
 

@@ -60,6 +60,7 @@ def site(made_once):
     return made_once("site", build)
 
 
+@pytest.mark.wide
 @pytest.mark.processes
 def test_every_link_and_picture_of_the_site_is_there(site):
     texts = {page: page.read_text() for page in site.rglob("*.html") if "_static" not in page.parts}
@@ -77,6 +78,7 @@ def test_every_link_and_picture_of_the_site_is_there(site):
     assert wrong == []
 
 
+@pytest.mark.wide
 @pytest.mark.processes
 def test_the_site_shows_every_setting_and_scenario(site):
     settings = (site / "servo" / "docs" / "settings.html").read_text()
@@ -106,6 +108,7 @@ def test_the_gallery_moves(monkeypatch, tmp_path):
     assert np.abs(last.astype(int) - first).max() > 50
 
 
+@pytest.mark.wide
 @pytest.mark.processes
 def test_the_site_has_every_example_and_what_it_says_of_attributes(site):
     page = (site / "servo" / "docs" / "examples.html").read_text()
@@ -125,6 +128,7 @@ def test_an_example_that_is_run_shows_what_it_prints(monkeypatch):
     assert re.search(r"\nIt prints:\n\n```text\n.* from the goal: [\d.]+ px\n```\n$", text)
 
 
+@pytest.mark.wide
 @pytest.mark.processes
 def test_pages_are_as_wide_as_the_screen(site, browser):
     wrong = []
@@ -138,6 +142,7 @@ def test_pages_are_as_wide_as_the_screen(site, browser):
     assert wrong == []
 
 
+@pytest.mark.wide
 @pytest.mark.processes
 def test_the_first_page_begins_as_the_readme_does(site):
     page = (site / "servo" / "docs" / "index.html").read_text()
@@ -146,6 +151,7 @@ def test_the_first_page_begins_as_the_readme_does(site):
     assert "From Python</h2>" not in page
 
 
+@pytest.mark.wide
 @pytest.mark.processes
 def test_the_overview_of_tutorials_shows_their_pictures(site):
     pictures = {path.name for path in (ROOT / "servo" / "tutorials" / "pictures").iterdir()}
@@ -153,6 +159,7 @@ def test_the_overview_of_tutorials_shows_their_pictures(site):
     assert set(re.findall(r'src="../../_images/([^"]+)"', page)) == pictures
 
 
+@pytest.mark.wide
 @pytest.mark.processes
 def test_formulas_of_the_manuals_are_rendered(site):
     pages = {name: (site / name / "README.html").read_text() for name in ("servo", "tracking")}
@@ -164,6 +171,7 @@ def test_formulas_of_the_manuals_are_rendered(site):
     assert "<mi>&#x003BB;</mi><msup><mi>L</mi>" in pages["servo"]  # lambda L#
 
 
+@pytest.mark.wide
 @pytest.mark.processes
 def test_a_tutorial_leads_to_its_notebook(site):
     tutorials = {path.stem for path in (ROOT / "servo" / "tutorials").glob("*.md")} - {"README"}

@@ -1,9 +1,9 @@
 """Writes the tests that take half a second or more, from outputs of pytest.
 
-Run `pytest -m "not processes" --durations=0 --durations-min=0.5 > FILE` in a fresh clone, then
-`python tests/tools/durations.py FILE...`. By what it writes, the plain command leaves out the
-longest tests, and the workers begin with the files that have the longest ones, so that none has a
-long one left at the end.
+Run `pytest -m "not processes" --durations=0 --durations-min=0.5 > FILE` in a fresh clone, the same
+with `-m processes`, then `python tests/tools/durations.py FILE...`. By what it writes, the plain
+command leaves out the longest tests, and the workers begin with the files that have the longest
+ones, so that none has a long one left at the end.
 """
 
 import json
