@@ -51,7 +51,8 @@ class WorldConfig:
     """Physics steps a second [Hz]; a few more where the camera's rate does not divide it."""
     drive_rate: Annotated[float, Ge(0.1), Le(100_000)] = 120.0
     """Rate at which the drives compute joint rates from the twist [Hz]; at least once a frame,
-    after a whole number of physics steps."""
+    after a whole number of physics steps. They know the joints' positions of one physics step
+    before, and the present ones at a frame and at each picture of an exposure."""
     visibility: bool = False
     """Measure in each frame which fraction of the target's silhouette in the picture is not hidden
     by other bodies (two more renderings a frame)."""
