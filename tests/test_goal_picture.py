@@ -17,6 +17,7 @@ from servo.sight.picture_match import alignment, matrix_of
 from servo.sight.plane_motion import PlaneMotion
 from servo.testing._examples import DOWN, OUTLINE, seen_from
 from servo.types import CameraImage, Plane
+from sim.camera.distortion import Distortion
 from sim.files.picture_name import picture_named
 from sim.geometry import angle_of, exp_so3
 from sim.placement import object_pose
@@ -166,6 +167,26 @@ def test_pictures_are_aligned(method, turn, most):
     at = np.array([[[x, y]] for x in (-0.2, 0.0, 0.2) for y in (-0.15, 0.15)])
     miss = cv2.perspectiveTransform(at, found) - cv2.perspectiveTransform(at, H)
     assert np.linalg.norm(miss, axis=2).max() * 300 < most
+
+
+@pytest.mark.parametrize("method", ["sift", "ecc"])
+def test_pictures_of_a_lens_are_aligned_as_those_of_a_pinhole(method):
+    wide = cv2.resize(picture_named("coffee", "targets", "picture"), (640, 480), None, 0, 0, 3)
+    lens = replace(CAMERA, distortion=Distortion("plumb_bob", (-0.3, 0.1, 0.0, 0.0, 0.0)))
+    H = exp_so3(np.radians([2.0, -3.0, 2.0])) + np.outer([0.02, -0.03, 0.05], [0.0, 0.0, 1.0])
+    u, v = np.meshgrid(np.arange(320) + 0.5, np.arange(240) + 0.5)
+    rays = lens.normalise(np.stack([u, v], axis=-1)).reshape(1, -1, 2)
+
+    def seen(back):
+        """The picture through the lens of a plane that the homography `back` maps to the first."""
+        x, y = np.moveaxis(cv2.perspectiveTransform(rays, back).reshape(240, 320, 2), 2, 0)
+        at = np.float32(x * 420 + 319.5), np.float32(y * 420 + 239.5)
+        return cv2.remap(wide, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
+
+    found = alignment(method, CameraImage(seen(np.eye(3)), lens)).find(seen(np.linalg.inv(H)))
+    at = np.array([[[x, y]] for x in (-0.3, 0.0, 0.3) for y in (-0.2, 0.2)])
+    miss = cv2.perspectiveTransform(at, found) - cv2.perspectiveTransform(at, H)
+    assert np.linalg.norm(miss, axis=2).max() * 300 < 0.5
 
 
 @pytest.mark.parametrize("turn", [0.0, 90.0])

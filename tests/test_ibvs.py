@@ -9,7 +9,7 @@ from servo.controllers.ibvs import Config, adaptive_gain
 from servo.estimators import difference, error_kalman, none
 from servo.features._interaction import interaction
 from servo.sight import shape_moments
-from servo.types import DOF, Sight
+from servo.types import DOF, Mode, Sight
 from tracking.types import Region, State
 
 RNG = np.random.default_rng(0)
@@ -194,6 +194,26 @@ def test_a_smooth_start_moves_nothing_for_features_that_are_no_longer_measured()
     assert np.abs(soft.command(seen, STILL, DT).twist).max() > 0.01
     lost = replace(seen, angle_known=False, size_known=False)
     np.testing.assert_allclose(soft.command(lost, STILL, DT).twist, 0.0, atol=1e-12)
+
+
+def test_a_smooth_start_moves_nothing_while_no_error_is_predicted():
+    """Alone, it would lead away from the goal."""
+    soft = started(Config(smooth_start=4.0), difference)
+    for _ in range(2):
+        soft.command(sight(0.05), STILL, DT)
+    for _ in range(3):
+        np.testing.assert_allclose(soft.command(None, STILL, DT).twist, 0.0, atol=1e-12)
+
+
+def test_a_slow_camera_searches_as_far_as_a_fast_one():
+    farthest = []
+    for fastest in (0.6, 0.05):
+        law = started(Config(coast=0.0, search_after=0.0, fastest=fastest))
+        place = np.zeros(3)
+        while (command := law.command(None, STILL, DT)).mode is Mode.SEARCHING:
+            place += command.twist[:3] * DT
+        farthest.append(np.linalg.norm(place))
+    np.testing.assert_allclose(farthest, 0.6, atol=0.01)
 
 
 def test_weights_say_what_moves_and_the_features_decay_all_the_same():

@@ -111,6 +111,29 @@ def closed_loop(features, law, start, count=40):
     return poses, max(apart)
 
 
+@pytest.mark.parametrize("kind", [partitioned, decoupled, weighted])
+def test_beside_an_inverse_of_its_own_no_motion_is_free_and_a_smooth_start_begins_at_rest(kind):
+    """Eight coordinates of the corners, or six features, leave none of six components free."""
+    sets = kind.Config().build(OUTLINE)
+    goal = seen_in(pose_of(*GOAL))
+    seen = seen_in(pose_of(*STARTS["tilted"]), goal)
+    standing = posture_of(np.zeros(6))
+    tilted = replace(
+        standing, T_base_camera=Pose(pose_of((0, 0, 0), (2.9, 0.2, 0.1)).rotation, np.zeros(3))
+    )
+
+    def first(**settings):
+        rng = np.random.default_rng(0)
+        law = ibvs.Config(gain=GAIN, dof=DOF, fastest=9, fastest_turn=9, **settings).build(rng)
+        estimator = none.Config().build(rng)
+        estimator.start(sets)
+        law.start(Task(goal, sets, estimator, CAMERA, OUTLINE))
+        return law.command(seen, tilted, DT).twist
+
+    np.testing.assert_allclose(first(secondary=("level",)), first(), atol=1e-9)
+    np.testing.assert_allclose(first(smooth_start=1.0), 0.0, atol=1e-9)
+
+
 @pytest.mark.parametrize("start", STARTS)
 @pytest.mark.parametrize(
     ("features", "law"),

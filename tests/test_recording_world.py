@@ -4,7 +4,7 @@ import shutil
 from dataclasses import replace
 from fractions import Fraction
 from importlib.resources import files
-from itertools import pairwise
+from itertools import pairwise, product
 
 import av
 import cv2
@@ -151,6 +151,17 @@ def test_in_its_ranges_the_view_never_leaves_the_recording(lens):
     assert max(outside) < 0.1  # between the points of the border that were looked at
     assert max(outside) > -3.0  # the room is used
     assert room_in(Camera(540.0, 560.0, 160.0, 120.0, 320, 239), VIEW) is None
+
+
+def test_the_corners_of_the_view_stay_in_the_recording():
+    """They are no multiple of a number of pixels from the first one."""
+    camera = Camera(1000.0, 1000.0, 830.0, 470.0, 1760, 1057)
+    view = Camera(340.0, 340.0, 186.0, 73.0, 363, 184)
+    pans, tilts = (np.radians(each) for each in room_in(camera, view))
+    rays = view.normalise(np.array([[0, 0], [363, 0], [0, 184], [363, 184]]))
+    for pan, tilt in product(pans, tilts):
+        seen = seen_from(camera, turned(pan, tilt), rays)
+        assert max(-seen.min(), (seen - (1760, 1057)).max()) < 0.1
 
 
 def test_a_head_turns_right_and_up():

@@ -40,6 +40,8 @@ class Inverse:
     """Degrees of freedom (6,) that may move."""
     span: Array | None = None
     """Camera twists (6, n) that span those of the joints; None: the joints make any twist."""
+    is_own: bool = False
+    """Whether L# is a feature set's own inverse: L# L may then be no projection."""
 
     @property
     def free(self) -> Array:
@@ -47,7 +49,8 @@ class Inverse:
         feature and that the joints can make. Rows and columns of degrees of freedom that may not
         move are zero.
         """
-        free = (np.eye(len(self.moves)) - self.pseudo @ self.L) * self.moves
+        pseudo = _pinv(self.L) if self.is_own else self.pseudo
+        free = (np.eye(len(self.moves)) - pseudo @ self.L) * self.moves
         return free if self.span is None else free @ self.span @ np.linalg.pinv(self.span)
 
     @staticmethod

@@ -138,7 +138,7 @@ class Ibvs:
         self._scales = self._features.scales(self._goal.values)
         self._measured = self._goal
         self._tilt_seen = False
-        self._loss = TargetLoss(c.coast, c.search_after, c.search_speed)
+        self._loss = TargetLoss(c.coast, c.search_after, min(c.search_speed, c.fastest))
         self._limits = Limits(c.fastest, c.fastest_turn, c.acceleration, c.acceleration_turn)
         self._pending = PendingCommands(task.latency)
         self._was_seen = False
@@ -268,8 +268,11 @@ class Ibvs:
         inverse, made = self._left_by_ranges(predicted, posture, way, dt)
         twist, asked, target = self._asked(inverse, predicted, made)
         if c.smooth_start > 0:
-            # Only what moves the features that are still measured.
-            twist = twist + inverse.pseudo @ (inverse.L @ self._faded(asked, dt, seen))
+            faded = self._faded(asked, dt, seen)
+            if not inverse.is_own:  # only what moves the features that are still measured
+                faded = inverse.pseudo @ (inverse.L @ faded)
+            # Without an error, as while coasting, nothing has to begin smoothly.
+            twist = twist + faded * asked.any()
         if c.secondary:
             twist = twist + c.secondary_gain * inverse.free @ twist_of(c.secondary, posture)
         if self._guard is None:
@@ -369,7 +372,7 @@ class Ibvs:
         if self._own_inverse and takes_own_inverse(known, tilt_seen=self._tilt_seen):
             L = self._chosen_matrix()
             pseudo = self._own_inverse.inverse(L, self._measured.values, self._camera)
-            return Inverse(pseudo, L, np.ones(len(DOF), bool))
+            return Inverse(pseudo, L, np.ones(len(DOF), bool), is_own=True)
         moves = self._config.moves_for(self._features, known, tilt_seen=self._tilt_seen)
         return Inverse.of(self._chosen_matrix(), known, moves, self._weights)
 

@@ -86,6 +86,29 @@ def matrix_of(camera: Camera, size: float = 1.0) -> Array:
     return np.array([[size * camera.fx, 0.0, u], [0.0, size * camera.fy, v], [0.0, 0.0, 1.0]])
 
 
+class Flattened:
+    """Makes pictures as a pinhole with the intrinsics of a camera would take them: pictures of a
+    plane are related by a homography only without the lens's distortion.
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        """Compute where in a picture of the camera each pixel of the pinhole's picture is seen."""
+        self._at: Array | None = None
+        if camera.distortion is not None:
+            v, u = np.mgrid[: camera.height, : camera.width] + 0.5
+            rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy], axis=-1)
+            self._at = np.asarray(camera.to_pixels(rays) - 0.5, np.float32)
+
+    def of(self, picture: Image) -> Image:
+        """Return the pinhole's picture, black where the camera does not see; the picture itself if
+        the lens has no distortion.
+        """
+        if self._at is None:
+            return picture
+        bent = cv2.remap(picture, self._at[..., 0], self._at[..., 1], cv2.INTER_LINEAR)
+        return np.asarray(bent, np.uint8)
+
+
 def alignment(method: Method, goal: CameraImage) -> Alignment:
     """Return an object that finds homographies from the picture at the goal to other pictures.
 
@@ -130,6 +153,7 @@ class ByPoints:
         self._matcher = cv2.BFMatcher(norm)
         self._strong = strong
         self._intrinsics = matrix_of(goal.camera)
+        self._flattened = Flattened(goal.camera)
         self._grey_goal = self._grey(goal.image)
         views = [(self._grey_goal, np.eye(3))]
         if strong:
@@ -186,7 +210,7 @@ class ByPoints:
         return np.asarray(H, np.float64)
 
     def _grey(self, picture: Image) -> Image:
-        grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+        grey = cv2.cvtColor(self._flattened.of(picture), cv2.COLOR_RGB2GRAY)
         if self._strong:
             grey = cv2.createCLAHE(CONTRAST, TILES).apply(grey)
         return np.asarray(grey, np.uint8)
@@ -246,7 +270,8 @@ class ByPixels:
     def __init__(self, goal: CameraImage) -> None:
         """Store the goal's picture, halved; other pictures are from the same camera."""
         self._intrinsics = matrix_of(goal.camera, size=0.5)
-        self._goal = _halved(goal.image)
+        self._flattened = Flattened(goal.camera)
+        self._goal = _halved(self._flattened.of(goal.image))
         self._before = np.eye(3, dtype=np.float32)
 
     def find(self, picture: Image) -> Array | None:
@@ -261,7 +286,7 @@ class ByPixels:
         try:
             correlation, found = cv2.findTransformECC(
                 self._goal,
-                _halved(picture),
+                _halved(self._flattened.of(picture)),
                 self._before.copy(),
                 cv2.MOTION_HOMOGRAPHY,
                 end,

@@ -13,7 +13,7 @@ from sim.types import Array, Camera
 STEPS = 40
 """Steps of each bisection, which leave a billionth of a degree."""
 EVERY = 8
-"""Every eighth pixel of the view's border is looked at."""
+"""Every eighth pixel of the view's border is looked at, and its corners."""
 WIDEST = np.radians(85.0)
 """Largest turn that is tried [rad]."""
 Range = tuple[float, float]
@@ -36,7 +36,8 @@ def room_in(recording: Camera, view: Camera) -> tuple[Range, Range] | None:
         recording: Intrinsics of the recording camera.
         view: Intrinsics of the camera that turns about the recording camera's centre.
     """
-    rays = view.normalise(border(view)[::EVERY])
+    corners = [[u, v] for u in (0.0, view.width) for v in (0.0, view.height)]
+    rays = view.normalise(np.concatenate([border(view)[::EVERY], corners]))
     size = np.array([recording.width, recording.height])
 
     def is_inside(pan: float, tilt: float) -> bool:
