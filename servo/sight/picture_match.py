@@ -16,6 +16,7 @@ from typing import Literal, Protocol
 import cv2
 import numpy as np
 from cv2.typing import MatLike
+from numpy.typing import NDArray
 
 from servo.types import CameraImage
 from sim.types import Array, Camera, Image
@@ -93,11 +94,11 @@ class Flattened:
 
     def __init__(self, camera: Camera) -> None:
         """Compute where in a picture of the camera each pixel of the pinhole's picture is seen."""
-        self._at: Array | None = None
+        self._at: NDArray[np.float32] | None = None
         if camera.distortion is not None:
             v, u = np.mgrid[: camera.height, : camera.width] + 0.5
             rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy], axis=-1)
-            self._at = np.asarray(camera.to_pixels(rays) - 0.5, np.float32)
+            self._at = (camera.to_pixels(rays) - 0.5).astype(np.float32)
 
     def of(self, picture: Image) -> Image:
         """Return the pinhole's picture, black where the camera does not see; the picture itself if
