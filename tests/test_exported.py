@@ -268,6 +268,15 @@ def test_traxs_own_client_follows_with_ours(tmp_path):
         assert server.wait(10) == 0
 
 
+@pytest.mark.parametrize(
+    "setting", [{"judge": "histogram"}, {"least_confidence": 0.5}, {"follow_size": False}], ids=str
+)
+def test_a_setting_that_judges_reports_is_refused_where_none_arrive(setting):
+    (name,) = setting
+    with pytest.raises(ValueError, match=f"^{name} has no effect here: set it where the reports"):
+        Served(configured("opencv", **setting), seed=0)
+
+
 @pytest.mark.parametrize("kind", ["mean_shift", "mk_ssd"])
 def test_a_served_tracker_reports_an_angle_if_it_follows_one(kind):
     """A tracker that keeps the first angle has measured none: it reports the box around."""

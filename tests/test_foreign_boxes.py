@@ -26,6 +26,16 @@ def test_a_box_relative_to_the_first_moves_and_scales():
     assert (place.state.theta, place.turns, place.resizes) == (0.3, False, True)
 
 
+def test_boxes_are_relative_to_the_one_that_was_given():
+    """Of a target partly outside of the picture the tracker is given what is in it."""
+    given = np.array([0.0, 45.0, 45.0, 30.0])
+    place = Placement(Region(60.0, 30.0), State(15.0, 60.0), given=given)
+    place.follow(report_of_box(given))
+    assert (place.state.x, place.state.y) == (15.0, 60.0)
+    place.follow(report_of_box(np.array([2.0, 45.0, 49.5, 33.0])))
+    assert (place.state.x, place.state.scale) == (pytest.approx(19.25), pytest.approx(1.1))
+
+
 def test_a_turned_box_is_compared_with_the_region_itself():
     place = placed()
     place.follow(report_of_box(np.array([70.0, 45.0, 60.0, 30.0]), 0.3))

@@ -112,6 +112,11 @@ def test_frames_and_rate_are_those_of_the_run():
     assert (env.frames, env.metadata["render_fps"]) == (20, 10)
 
 
+def test_a_scenario_that_expects_drawn_settings_may_draw_none():
+    _, told = made(scenario="line", vary={}).reset(seed=1)
+    assert told["drawn"] == {}
+
+
 def test_the_pose_is_told_and_its_goal():
     _, told = made(scenario="still", vary={}).reset(seed=0)
     assert told["T_object_goal"][:3, 3] == pytest.approx([0, 0, -1], abs=1e-9)

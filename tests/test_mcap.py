@@ -96,6 +96,18 @@ def test_the_log_of_a_run_has_its_pictures_numbers_and_frames(tmp_path):
     assert row.status == last.estimate.status.name
 
 
+def test_a_standing_camera_stands_where_the_robot_holds_the_target(tmp_path):
+    path = tmp_path / "a.mcap"
+    with Episode(servo.load("hand_plate", ["run.duration=0.3"])) as episode:
+        log = RunMcap(path, episode)
+        steps = [step for step in episode if log.add(step) is None]
+        log.close()
+    for (_, message), step in zip(read(path)["/tf"], steps, strict=True):
+        (eye,) = (pose(t) for t in message.transforms if t.child_frame_id == "camera")
+        true = step.truth.T_world_camera.translation
+        np.testing.assert_allclose(eye.translation, true, atol=1e-9)
+
+
 def test_the_log_of_a_track(monkeypatch, capfd, tmp_path):
     monkeypatch.chdir(tmp_path)
     pictures(tmp_path)

@@ -165,6 +165,18 @@ def test_distances_of_rounding_alone_are_drawn_as_none(scripted):
     assert axes[1].get_ylim() == pytest.approx((-0.5, 0.5))  # the line is inside, and seen
 
 
+def test_a_single_picture_that_was_dropped_is_shaded(scripted):
+    steps, _, written = scripted
+    whole = RunCurves.of(pq.read_table(written.folder / "steps.parquet"), steps[0].scene.features)
+    times = whole.table["time_s"].to_numpy()
+    names = np.where(np.arange(len(times)) == 4, "UNSURE", "LOCKED")
+    at = whole.table.schema.get_field_index("status")
+    table = whole.table.set_column(at, "status", [names])
+    (shade,) = plots.error_figure(replace(whole, table=table), "title").axes[0].collections
+    around = shade.get_paths()[0].vertices[:, 0]
+    assert (around.min(), around.max()) == (times[4], times[5])
+
+
 def test_motions_that_are_always_zero_are_not_drawn(scripted):
     steps, _, written = scripted
     whole = RunCurves.of(pq.read_table(written.folder / "steps.parquet"), steps[0].scene.features)

@@ -147,6 +147,8 @@ def test_the_rows_are_a_parquet_table_too_with_all_digits_of_a_stamp(tmp_path):
     files.close()
     table = pq.read_table(tmp_path / "track.parquet")
     assert table.column_names == list(HEADER)
+    # Also where all values are whole, as angle and scale here.
+    assert {str(table[name].type) for name in ("x", "theta", "scale", "width")} == {"double"}
     assert table["stamp"].to_pylist() == [None, Decimal("1700000000.250000001")]
     assert table["status"].to_pylist() == ["LOCKED", "LOCKED"]
     assert table["x1"].to_pylist() == [15.0, 15.0]

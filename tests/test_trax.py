@@ -65,6 +65,14 @@ def test_corners_in_another_order_turn_the_region():
         assert (estimate.follows, estimate.corners) == ((True, False), None)  # of a rectangle
 
 
+def test_a_target_that_turns_back_passes_the_upright_angle():
+    """The server turns it from 30 deg by 10 deg a picture: at 0 deg its corners are upright."""
+    found = follow(config("turns_back", "4", "polygon", "path"), start=State(55.0, 40.0, np.pi / 6))
+    angles = [np.degrees(estimate.state.theta) for estimate in found]
+    assert angles == pytest.approx([20, 10, 0, -10, -20], abs=0.01)
+    assert [estimate.state.scale for estimate in found] == pytest.approx([1] * 5, abs=1e-3)
+
+
 def test_corners_of_no_rectangle_and_declared_ones_are_reported():
     tilted = follow(config("tilts", "4", "polygon", "path"))
     expected = REGION.corners(START) + [(0, 0), (2, 3), (0, 0), (0, 0)]

@@ -376,6 +376,7 @@ def test_a_video_that_was_trimmed_without_encoding_has_the_frames_that_are_shown
     video = Video.of(path)
     pictures = list(video)
     assert (video.count, video.end) == (frames - 5, None)
+    assert video.times() == pytest.approx([p.time for p in pictures], abs=1e-4)
     assert [p.time for p in pictures] == pytest.approx(
         [k / 25 for k in range(frames - 5)], abs=1e-4
     )

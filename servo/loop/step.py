@@ -16,6 +16,13 @@ from tracking.types import Estimate, Region, State, Status
 
 DOF = 6
 HALF_TURN = Pose.planar(0.0, 0.0, np.pi)
+TURNED = Pose.planar(0.0, 0.0, np.pi / 18)
+NEARER = 1.1
+"""A turn of the target at its goal about its normal, and a factor on its distance, which show
+whether features tell its angle and its size."""
+LEAST_CHANGE = 0.01
+"""Least change of a feature by these that counts, over the feature's scale: a turn may also move
+the centre of a tilted target a little."""
 ROUNDING = 1e-6
 """Largest error of a feature that counts as rounding; a half turn of the target gives errors of the
 size of the target."""
@@ -294,8 +301,25 @@ class Step:
         without = (replace(goal, angle_known=False), replace(goal, size_known=False))
         trace = self.command.trace
         by_joints = True if trace is None or trace.servoed is None else trace.servoed
+        neither = known(replace(goal, angle_known=False, size_known=False))
+        if goal.picture is None and neither.all():
+            # The set counts as measured whatever the tracker follows: what changes it is needed.
+            nearer = Pose(goal.pose.rotation, NEARER * goal.pose.translation)
+            return self._tells(goal.pose @ TURNED), self._tells(nearer)
         angle, size = (bool((known(goal) & ~known(s) & by_joints).any()) for s in without)
         return angle, size
+
+    def _tells(self, pose: Pose) -> bool:
+        """Return whether a feature that the robot's joints can change differs by a hundredth of
+        its scale or more where the camera sees the target at a pose, not at its goal.
+        """
+        features = self.scene.features
+        wanted = features.values(self.goal_sight)
+        seen = features.values(sight_of(pose, self.scene.outline, self.goal_sight))
+        apart = np.abs(features.error(seen, wanted)) / features.scales(wanted)
+        trace = self.command.trace
+        by_joints = True if trace is None or trace.servoed is None else trace.servoed
+        return bool(((apart > LEAST_CHANGE) & by_joints).any())
 
     @property
     def servoes_pose(self) -> bool:

@@ -370,7 +370,7 @@ class RunMcap(McapFile):
             at,
             {
                 ("world", "base"): Pose(np.eye(3), np.zeros(3)),
-                ("base", "camera"): step.posture.T_base_camera,
+                ("base", "camera"): truth.T_world_camera,
                 ("world", "target"): truth.T_world_target,
             },
         )

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from servo.output.run_curves import Panel, RunCurves
 from tracking.drawing.colours import CURVES
 from tracking.drawing.figures import Drawing, hide_rounding, literal, panels, save
@@ -85,11 +87,13 @@ def _drawn(curves: RunCurves, title: str, shown: Sequence[Panel]) -> Drawing:
             hide_rounding(ax)
         ax.legend(ncols=4, frameon=False, **ABOVE)
         across = ax.get_xaxis_transform()
+        # Each picture until the next one: a single one would have no width.
+        shaded = np.append(curves.unsure[:1], curves.unsure[1:] | curves.unsure[:-1])
         ax.fill_between(
             time,
             0,
             1,
-            where=curves.unsure,
+            where=shaded,
             transform=across,
             color="#d9d2c3",
             alpha=0.7,

@@ -19,12 +19,14 @@ from servo.output.formats import Made, Number
 from servo.output.sinks import Sink, Sinks
 from sim.types import Array
 from tracking.evaluation.track import Shot
-from tracking.evaluation.track_file import TrackFile
+from tracking.evaluation.track_file import HEADER, TrackFile
 from tracking.files import atomic
 from tracking.types import Region
 
 TRACK = "track.csv"
 TABLE = "track.parquet"
+NUMBERS = (*HEADER[1 : HEADER.index("status")], "milliseconds")
+"""Columns of a track with numbers that need not be whole."""
 STAMP = pa.decimal128(19, 9)
 """Type of a stamp [s], whose digits all count."""
 RECORDING = "track.rrd"
@@ -121,9 +123,11 @@ class TrackFolder:
 
 def _rows(file: Path) -> pa.Table:
     """Return the rows of a track's CSV file, in which a picture's name may hold any character."""
-    types = csv.ConvertOptions(column_types={"stamp": STAMP, "name": pa.string()})
+    # The same types for each track, also where all values happen to be whole numbers.
+    types = dict.fromkeys(NUMBERS, pa.float64()) | {"stamp": STAMP, "name": pa.string()}
+    options = csv.ConvertOptions(column_types=types)
     lines = csv.ParseOptions(newlines_in_values=True)
-    return csv.read_csv(file, parse_options=lines, convert_options=types)
+    return csv.read_csv(file, parse_options=lines, convert_options=options)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

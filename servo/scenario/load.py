@@ -233,7 +233,7 @@ def parse(
     check_rules(
         (not is_table(sweep), f"{where('sweep')}: sweep should be a table, not {sweep!r}"),
         (
-            is_table(expect) and bool(expect.get("drawn")) and not file.get("vary"),
+            is_table(expect) and bool(expect.get("drawn")) and "vary" not in file,
             f"{where('expect')}: expect.drawn is for runs with drawn settings, and no table [vary] "
             "draws any: add [vary], or leave expect.drawn out",
         ),

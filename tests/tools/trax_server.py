@@ -1,5 +1,7 @@
 """A TraX server that follows a box by adding its speed, and servers that fail in one way each."""
 
+import cmath
+import math
 import re
 import sys
 import time
@@ -88,6 +90,11 @@ for line in sys.stdin:
         around = [(x - 55, y - 40) for x, y in pairs]
         moved = [v for x, y in around for v in (55 + c * x - s * y, 40 + s * x + c * y)]
         moved = moved[4:] + moved[:4]  # in another order
+    if mode == "turns_back":
+        turn = cmath.exp(-1j * math.radians(10 * count))
+        pairs = zip(numbers[::2], numbers[1::2], strict=True)
+        turned = [turn * complex(x - 55, y - 40) + (55 + 40j) for x, y in pairs]
+        moved = [part for point in turned for part in (point.real, point.imag)]
     if mode == "tilts" and count:
         moved[2] += 2
         moved[3] += 3

@@ -28,8 +28,18 @@ class Served:
             seed: Seed of its random numbers.
 
         Raises:
-            ValueError: A tracker of another author cannot be loaded or started.
+            ValueError: A tracker of another author cannot be loaded or started, or has settings
+                that only have an effect in the client, which judges its reports.
         """
+        if isinstance(config, GuestSettings):
+            usual = GuestSettings
+            judged = {
+                "judge": config.judge != usual.judge,
+                "least_confidence": config.least_confidence != usual.least_confidence,
+                "follow_size": config.follow_size != usual.follow_size,
+            }
+            for name in (name for name, is_set in judged.items() if is_set):
+                raise ValueError(f"{name} has no effect here: set it where the reports arrive")
         self._guest = config.guest(seed) if isinstance(config, GuestSettings) else None
         self._tracker = None if self._guest else config.build(np.random.default_rng(seed))
         self.gives: frozenset[Gives] | None = self._guest.gives if self._guest else None

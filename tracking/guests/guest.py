@@ -16,6 +16,7 @@ from sim.plain_part import DRAWN
 from sim.ranges import Share
 from sim.types import Array, Frame
 from tracking.appearance.model import AppearanceSettings
+from tracking.guests.boxes import exact_box
 from tracking.guests.placement import Placement
 from tracking.guests.report import Gives, Report
 from tracking.loss import LossJudge, LossLimits
@@ -47,6 +48,13 @@ class Guest(Protocol):
         """Which of "size", "angle" and "corners" the tracker declares that it measures besides the
         centre; None: it declares nothing, and its reports show it.
         """
+
+    @property
+    def cuts(self) -> bool:
+        """Whether the tracker is shown the upright box around the region cut off at the picture's
+        border, so that its own boxes begin with that; False: the region's whole outline.
+        """
+        ...
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Show the tracker the first picture, in which the target is the rectangle `region` [px] at
@@ -131,7 +139,9 @@ class GuestTracker:
         self._guest = self._settings.guest(DRAWN["seed"](self._rng))
         self._guest.start(frame, region, state)
         self._gives = self._guest.gives
-        self._placement = Placement(region, state, self._gives, sizes=self._settings.follow_size)
+        given = exact_box(region, state, frame.image) if self._guest.cuts else None
+        sizes = self._settings.follow_size
+        self._placement = Placement(region, state, self._gives, sizes=sizes, given=given)
         self._loss = LossJudge(LIMITS)
         if self._settings.judge == "histogram":
             self._model = AppearanceSettings().model(frame.image, region, state)

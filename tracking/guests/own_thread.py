@@ -68,6 +68,11 @@ class TimedGuest:
         """
         return self._guest.gives
 
+    @property
+    def cuts(self) -> bool:
+        """Whether the tracker is shown the region's box cut off at the picture's border."""
+        return self._guest.cuts
+
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Show the tracker the first picture, in which the target is the rectangle `region` [px] at
         `state`.

@@ -48,6 +48,7 @@ class Placement:
         gives: frozenset[Gives] | None = None,
         *,
         sizes: bool = True,
+        given: Array | None = None,
     ) -> None:
         """Begin with the target in the first picture.
 
@@ -56,6 +57,8 @@ class Placement:
             state: State of the target in the first picture.
             gives: What the tracker declares that it measures; None: what its reports show.
             sizes: Follow the size, if it is measured.
+            given: Upright box (4,) of the target that the tracker was given [px], where that is cut
+                off at the picture's border; None: the whole one. Reports are compared with it.
         """
         self._gives = gives
         self._sizes = sizes
@@ -64,7 +67,7 @@ class Placement:
         self._first = state
         self._corners = region.corners(state)
         self._last = self._corners
-        self._around = box_around(self._corners)
+        self._around = box_around(self._corners) if given is None else given
         self._own_area = region.area(state)
         self.state = state
 
@@ -86,8 +89,12 @@ class Placement:
 
     def _follow_box(self, box: Array, angle: float | None) -> None:
         """Set `state` by a box (4,) of left, top, width, height [px], turned by an angle [rad]."""
-        centre = box[:2] + box[2:] / 2 - (self._first.x, self._first.y)
-        area = float(self._around[2] * self._around[3]) if angle is None else self._own_area
+        first = np.array([self._first.x, self._first.y])
+        area = self._own_area
+        if angle is None:
+            first = self._around[:2] + self._around[2:] / 2
+            area = float(self._around[2] * self._around[3])
+        centre = box[:2] + box[2:] / 2 - first
         grown = math.log(float(box[2] * box[3]) / area) / 2
         self.turns = self.turns or angle is not None
         turn = 0.0 if angle is None else self._continued(angle - self._first.theta)

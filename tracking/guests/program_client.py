@@ -31,6 +31,9 @@ class ProgramClient:
     first answer, and `timeout` for each later one [s].
     """
 
+    cuts = True
+    """The tracker is shown the box around the region cut off at the picture's border."""
+
     def __init__(self, command: str, seed: int, timeout: float, loading: float) -> None:
         """Start a program and wait until it is ready.
 

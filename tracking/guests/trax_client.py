@@ -7,6 +7,7 @@ from sim.types import Array, Frame, Image
 from tracking.guests.boxes import exact_box
 from tracking.guests.process import GuestProcess
 from tracking.guests.report import (
+    DIGITS,
     UNSEEN,
     Gives,
     Report,
@@ -14,6 +15,7 @@ from tracking.guests.report import (
     confidence_in,
     convex,
     gives_in,
+    is_upright,
     report_in,
     report_of_corners,
 )
@@ -64,6 +66,8 @@ class TraxClient:
         self._server = GuestProcess("TraX server", command, {"TRAX": "1"}, goodbye)
         self._timeout = timeout
         self._count = 0
+        self._turns = False
+        """Whether the server has reported a polygon that is not upright since `start`."""
         hello = self._ask("hello", loading).named
         self.gives: frozenset[Gives] | None = None
         """What the argument trax.gives of the hello declares; None: it has none."""
@@ -75,6 +79,8 @@ class TraxClient:
         self._separate = version == SEPARATE
         self._pictures = self._taken(_words(hello, "image", "path"), PICTURES, "picture")
         self._regions = self._taken(_words(hello, "region", "rectangle"), REGIONS, "region")
+        self.cuts = "polygon" not in self._regions
+        """Whether the server is shown the region's box cut off at the picture's border."""
         if (channels := _words(hello, "channels", "color")) != ["color"]:
             self._server.fail(
                 f"needs the channels {', '.join(channels)}; servobench sends color only"
@@ -88,6 +94,7 @@ class TraxClient:
             ValueError: The server has ended, does not answer in time, or sends another message than
                 a state.
         """
+        self._turns = False
         corners = region.corners(state)
         if "polygon" in self._regions:
             words = region_text(corners)
@@ -130,13 +137,15 @@ class TraxClient:
 
     def _report(self, found: Array) -> Report:
         """Return the report of a box (4,), or of a polygon (n, 2) [px]: four corners that go around
-        a convex region are kept, any other polygon is replaced by the box around it.
+        a convex region are kept, any other polygon is replaced by the box around it. An upright
+        polygon is a box, unless an earlier one has shown that the server measures the angle.
 
         Raises:
             ValueError: The box has no area.
         """
         if found.ndim > 1 and len(found) == CORNERS and convex(found):
-            return report_of_corners(found)
+            self._turns = self._turns or not is_upright(found)
+            return Report(corners=found.round(DIGITS)) if self._turns else report_of_corners(found)
         box = found if found.ndim == 1 else box_around(found)
         try:
             return report_in(box.tolist(), self._server.name)

@@ -63,6 +63,9 @@ class Called:
     for the rounding of the box that its `init` was given.
     """
 
+    cuts = True
+    """The tracker is shown the box around the region cut off at the picture's border."""
+
     def __init__(
         self,
         tracker: Foreign,

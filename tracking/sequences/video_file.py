@@ -100,7 +100,8 @@ class Video:
         """
         with reading.opened(self.path, "video") as file, _container(file) as container:
             stream = only_video(container)
-            packets = [packet.pts for packet in container.demux(stream) if packet.size]
+            demuxed = container.demux(stream)
+            packets = [p.pts for p in demuxed if p.size and not p.is_discard]
             unit = float(stream.time_base or 0)
         stamps = np.array([pts for pts in packets if pts is not None], float)
         if unit == 0 or len(stamps) < len(packets):
