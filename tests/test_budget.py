@@ -195,6 +195,9 @@ def test_theory_is_that_of_a_wrong_calibration():
     assert theory(OF["principal_point"], 3.0, still, 600.0) == 0.0
     posed = load("still", ["goal.depth=0.8", "believed.goal=pose"])
     assert theory(OF["principal_point"], 3.0, posed, 600.0) == pytest.approx(4.0)
+    measured = load("depth_plate", ["motion.kind=still"])
+    assert theory(OF["focal_length"], 1.0, measured, 600.0) == 0.0
+    assert theory(OF["target_size"], 1.0, measured, 600.0) == 0.0
     assert theory(OF["lag"], 3.0, still, 600.0) == 0.0
     assert theory(OF["lag"], 3.0, load("line"), 600.0) is None
     assert theory(OF["noise"], 3.0, still, 600.0) is None

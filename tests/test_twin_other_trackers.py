@@ -70,6 +70,13 @@ def test_estimates_of_a_log_are_interpolated_and_unknown_outside_of_it(tmp_path)
     assert recorded(pa.table({"time_s": [0.0]}), tmp_path, np.zeros(1)) is None
 
 
+def test_an_angle_of_a_log_that_jumps_from_pi_to_minus_pi_is_interpolated_the_short_way(tmp_path):
+    columns = {"time_s": [0.0, 1.0], "estimated_x_px": [1.0, 1.0], "estimated_y_px": [2.0, 2.0]}
+    table = pa.table(columns | {"estimated_theta_rad": [3.1, -3.1]})
+    (state,) = recorded(table, tmp_path, np.array([0.5]))
+    assert state[2] == pytest.approx(np.pi)
+
+
 def test_an_estimate_in_a_runs_log_is_of_its_own_picture(tmp_path):
     """It became known later than the next picture was taken."""
     frames = np.arange(6)

@@ -158,8 +158,8 @@ def theory(source: Source, magnitude: float, scenario: Scenario, focal: float) -
 
     At the distance Z of the goal it is Z dc for a focal length or a target size that is wrong by
     the share dc, and Z d / f for a principal point that is off by d px. It is 0 where the source
-    has no influence: for a wrong size if a depth picture gives the distance, for a focal length if
-    the true camera has seen the goal (believed.goal = "shown"), for a principal point unless the
+    has no influence: for both if a depth picture gives the distance, for a focal length if the true
+    camera has seen the goal (believed.goal = "shown"), for a principal point unless the
     goal is a pose (believed.goal = "pose"), and for what only bends the path (delay, lag, play,
     depth, mount_translation) to a target at rest.
 
@@ -174,7 +174,8 @@ def theory(source: Source, magnitude: float, scenario: Scenario, focal: float) -
     known = scenario.believed.goal
     is_still = kind_of(scenario.motion) == "still"
     found: dict[str, float] = {name: 0.0 for name in AT_REST if is_still}
-    found["focal_length"] = 0.0 if known == "shown" else away / 100
-    found["target_size"] = 0.0 if scenario.sight.depth == "picture" else away / 100
+    is_measured = scenario.sight.depth == "picture"
+    found["focal_length"] = 0.0 if known == "shown" or is_measured else away / 100
+    found["target_size"] = 0.0 if is_measured else away / 100
     found["principal_point"] = away / focal if known == "pose" else 0.0
     return found.get(source.name) if scenario.leader.id is None else None

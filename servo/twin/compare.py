@@ -91,7 +91,10 @@ def compare(
     if trust.tag is not None and diagnosis.is_good:
         tag = trust.tag.fitted(moved, film, mount)
         if tag.is_still:
-            mount = tag.mount
+            # The plane was found for another focal length and lever.
+            fixed = (mounts.FOCAL, mounts.LEVER_ALONG, *mounts.TURN)
+            again = mounts.fitted(moved, film, tag.mount, fixed, LAST)
+            mount = replace(tag.mount, plane=again.plane)
     fits = Fits(offset, diagnosis, mount, turned, film, axes, smooth.is_inverse, tag)
     return Comparison(fits, moved, flows, judge(fits, trust))
 

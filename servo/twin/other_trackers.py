@@ -85,6 +85,10 @@ def recorded(table: pa.Table, path: Path, times: Array) -> Array | None:
     for name in (*CENTRE, TURN, SCALE):
         has = name in table.column_names
         values = numbers_in(table, name, path)[rows] if has else np.full(len(known), np.nan)
+        if name == TURN:  # a log's angles may jump from pi to -pi
+            there = np.isfinite(values)
+            values = values.copy()
+            values[there] = np.unwrap(values[there])
         columns.append(np.interp(times, known, values, np.nan, np.nan))
     states = np.stack(columns, axis=1)
     return states if np.isfinite(states[:, :2]).all(axis=1).any() else None

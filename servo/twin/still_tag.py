@@ -28,6 +28,8 @@ FEWEST = 60
 """Least number of pictures with the tag."""
 FIRST = 10
 """Pictures from which the tag's first pose is computed."""
+LEAST_BEND = np.finfo(float).eps
+"""Least curvature of the loss that SciPy uses."""
 SCALE = 0.5
 """Cauchy scale [px]."""
 MOVED = 3.0
@@ -134,12 +136,14 @@ class StillTag:
 
         fit = least_squares(away, np.zeros(15), loss="cauchy", f_scale=SCALE, x_scale="jac")
         left = away(fit.x)
-        # SciPy's Jacobian has the weights of the loss, whose square root the residuals need, too.
         weights = 1 / (1 + (left / SCALE) ** 2)
-        scores = fit.jac * (left * np.sqrt(weights))[:, None]
+        # SciPy's Jacobian has the root of the loss's curvature, at least LEAST_BEND, as a factor.
+        bend = weights**2 * (1 - (left / SCALE) ** 2)
+        slopes = fit.jac / np.sqrt(np.maximum(bend, LEAST_BEND))[:, None]
+        scores = slopes * (left * weights)[:, None]
         blocks = ((stamps - stamps[0]) // mounts.BLOCK).astype(int)
         sums = np.stack([np.bincount(np.repeat(blocks, 8), each) for each in scores.T], axis=1)
-        inverse = np.linalg.pinv(fit.jac.T @ fit.jac)
+        inverse = np.linalg.pinv(slopes.T @ (slopes * bend[:, None]))
         count = len(np.unique(blocks))
         freedom = max(count - 15, 1)
         spread = inverse @ (sums.T @ sums) @ inverse * count / freedom
