@@ -14,15 +14,17 @@ def histogram_twin(image, state, half, centres, span, levels, stride):
     scale, c, s = np.exp(log_scale), np.cos(theta), np.sin(theta)
     rows = np.arange(image.shape[0])
     columns = np.arange(image.shape[1])
-    reach_x = scale * (abs(c) * half_width + abs(s) * half_height) + 1
-    reach_y = scale * (abs(s) * half_width + abs(c) * half_height) + 1
+    reach_x = scale * (abs(c) * half_width + abs(s) * half_height) + stride
+    reach_y = scale * (abs(s) * half_width + abs(c) * half_height) + stride
     first_i, first_j = max(0, int(y - reach_y)), max(0, int(x - reach_x))
-    rows, columns = rows[first_i::stride], columns[first_j::stride]
+    # Those of the picture, wherever the target is.
+    rows = rows[first_i // stride * stride :: stride]
+    columns = columns[first_j // stride * stride :: stride]
     j, i = np.meshgrid(columns, rows)
     dx, dy = j + 0.5 - x, i + 0.5 - y
     rx, ry = (c * dx + s * dy) / scale, (-s * dx + c * dy) / scale
-    cover_x = np.clip(scale * (half_width - abs(rx)) + 0.5, 0, 1)
-    cover_y = np.clip(scale * (half_height - abs(ry)) + 0.5, 0, 1)
+    cover_x = np.clip(scale * (half_width - abs(rx)) / stride + 0.5, 0, 1)
+    cover_y = np.clip(scale * (half_height - abs(ry)) / stride + 0.5, 0, 1)
     level = np.clip((image[i, j] + 0.5) * levels / 256 - 0.5, 0, levels - 1)
     low = np.minimum(level.astype(int), levels - 2)
     part = level - low
@@ -136,14 +138,17 @@ def test_a_pixel_on_the_rim_of_the_template_counts_by_half_and_one_beyond_it_doe
         assert totals[0, 0] == pytest.approx(count)
 
 
+@pytest.mark.parametrize("stride", [1, 3])
 @pytest.mark.parametrize(("state", "step"), [(CASES[0][0], 1e-6), (CASES[1][0], 1e-6)])
-def test_kernel_histogram_derivatives_agree_with_finite_differences(smooth_image, state, step):
+def test_kernel_histogram_derivatives_agree_with_finite_differences(
+    smooth_image, state, step, stride
+):
     state = state + [0.123, 0.217, 0.05, 0.03]  # away from where a pixel's coverage has its kinks
-    sums, totals = descent.kernel_histograms(smooth_image, state, *SHAPE, 1)
+    sums, totals = descent.kernel_histograms(smooth_image, state, *SHAPE, stride)
     for p in range(4):
         d = step * np.eye(4)[p]
-        forward, f_total = descent.kernel_histograms(smooth_image, state + d, *SHAPE, 1)
-        back, b_total = descent.kernel_histograms(smooth_image, state - d, *SHAPE, 1)
+        forward, f_total = descent.kernel_histograms(smooth_image, state + d, *SHAPE, stride)
+        back, b_total = descent.kernel_histograms(smooth_image, state - d, *SHAPE, stride)
         difference = (forward[:, :, 0] - back[:, :, 0]) / (2 * step)
         error = np.linalg.norm(sums[:, :, 1 + p] - difference) / np.linalg.norm(difference)
         assert error < 1e-6, p
@@ -181,7 +186,8 @@ def test_a_large_target_is_read_at_every_second_or_third_pixel(smooth_image):
     for pixels, stride in ((8 * 2000, 1), (1500, 1), (1499 / 4, 2), (1500 / 9, 3)):
         state = np.array([80.0, 60.0, 0.1, 0.0])
         kernels = (*SHAPE, pixels)
-        found = descent.histograms(smooth_image, state, kernels)
+        assert descent.stride_for(state, kernels) == stride
+        found = descent.histograms(smooth_image, state, kernels, stride)
         expected = descent.kernel_histograms(smooth_image, state, *SHAPE, stride)
         np.testing.assert_array_equal(found[0], expected[0])
 
@@ -205,13 +211,14 @@ def test_equations_whose_rows_change_places_are_solved():
 
 
 def descend_twin(image, x, kernels, roots, units, most, tolerance, hopeless):
-    cost, g, H = descent.linearise(image, x, kernels, roots)
+    stride = descent.stride_for(x, kernels)
+    cost, g, H = descent.linearise(image, x, kernels, roots, stride)
     damping, evaluations = descent.FIRST_DAMPING, 1
     while cost <= hopeless and evaluations < most and damping < descent.MOST_DAMPING:
         step = descent.damped_step(g, H, damping, units)
         if np.abs(step / units).max() < tolerance:
             return x + step, cost, evaluations
-        there = descent.linearise(image, x + step, kernels, roots)
+        there = descent.linearise(image, x + step, kernels, roots, stride)
         evaluations += 1
         if there[0] < cost:
             x, damping, (cost, g, H) = x + step, damping * descent.LESS, there
@@ -223,7 +230,7 @@ def descend_twin(image, x, kernels, roots, units, most, tolerance, hopeless):
 def test_a_descent_ends_before_the_scale_leaves_its_limits(smooth_image, monkeypatch):
     units, start = np.array([1.0, 1.0, 0.05, 0.05]), np.array([63.0, 43.0, 0.3, 0.05])
     kernels, roots = (*SHAPE, 2000), np.full((3, 512), 0.05)
-    _, *slope = descent.linearise(smooth_image, start, kernels, roots)
+    _, *slope = descent.linearise(smooth_image, start, kernels, roots, 1)
     there = abs(start + descent.damped_step(*slope, descent.FIRST_DAMPING, units))[3]
     for limit, ends in ((there, False), (np.nextafter(there, 0), True)):
         monkeypatch.setattr(descent, "LARGEST_LOG", limit)
@@ -242,7 +249,7 @@ def test_a_descent_agrees_with_python(smooth_image, most, tolerance, hopeless):
     *parts, levels = SHAPE
     true, units = np.array([60.0, 45.0, 0.2, 0.0]), np.array([1.0, 1.0, 0.05, 0.05])
     kernels = (*parts, levels, 2000)
-    sums, totals = descent.histograms(smooth_image, true, kernels)
+    sums, totals = descent.histograms(smooth_image, true, kernels, 1)
     roots = np.sqrt(sums[:, :, 0] / totals[:, :1] + descent.FLOOR)
     start = true + [3.0, -2.0, 0.1, 0.05]
     asked = smooth_image, start, kernels, roots, units, most, tolerance, hopeless
