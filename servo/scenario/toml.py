@@ -216,9 +216,9 @@ def with_settings(table: Table, settings: Table, place: str) -> Table:
             a list without such an item.
     """
     changed = copied(table)
-    for key in settings.keys() & SAME_TIME.keys():
-        drop(changed, SAME_TIME[key])
     for key in sorted(settings, key=lambda key: not key.endswith(".kind")):
+        if key in SAME_TIME:
+            drop(changed, SAME_TIME[key])
         put(changed, key, settings[key], place)
     return changed
 
